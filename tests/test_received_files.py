@@ -164,7 +164,7 @@ def test_pytest_starts_nothing_that_a_suite_records(folder: Received, *, consent
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder.suite), *words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert folder.mark.exists() == consent, done.stdout
-    assert ("--foresee-run-programs starts what the files say" in done.stdout) != consent, done.stdout
+    assert ("--foresee-run-programs starts the programs that the files name" in done.stdout) != consent, done.stdout
 
 
 @pytest.mark.parametrize(

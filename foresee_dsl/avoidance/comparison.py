@@ -79,7 +79,7 @@ def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSe
 
 
 class _Compared:
-    """The comparison of two runs for a failure that is a contact with the actor `name`."""
+    """Compares two runs in which the failure is a contact with the actor `name`."""
 
     def __init__(self, failed: Trace, passed: Trace, bundle: SumoBundle, name: str, sensors: SensorSettings) -> None:
         self._failed, self._passed, self._bundle, self._name, self._sensors = failed, passed, bundle, name, sensors
@@ -143,7 +143,7 @@ class _Compared:
         ahead_s = float(ahead_m) / max(float(mine[0, SPEED]), float(its[0, SPEED]), 1.0)
         if abs(ahead_s) <= SAME_TIME_S:
             return ""
-        return f"it would come there {abs(ahead_s):.1f} s {'earlier' if ahead_s > 0 else 'later'} anyhow"
+        return f"it would come there {abs(ahead_s):.1f} s {'earlier' if ahead_s > 0 else 'later'} in any case"
 
     def _place(self, ego: FloatArray) -> tuple[float, float]:
         """Return the place of an ego relative to the failing ego's path.

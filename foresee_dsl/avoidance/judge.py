@@ -120,14 +120,14 @@ class Failure:
             ValueError: only its trace is at hand.
         """
         if self.outcome is None:
-            raise ValueError("of this failure only the trace is at hand: how it ended is not known")
+            raise ValueError("only the trace of this failure is available, so its end is unknown")
         return self.outcome
 
     @property
     def bundle(self) -> SumoBundle:
         """The compiled test case of the run; errors as for `result`."""
         if self.compiled is None:
-            raise ValueError("of this failure only the trace is at hand: its test case is not known")
+            raise ValueError("only the trace of this failure is available, so its test case is unknown")
         return self.compiled
 
     @property

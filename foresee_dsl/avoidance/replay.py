@@ -47,7 +47,7 @@ class RecordedPath:
         states = trace.states[:, 0]
         steps = np.hypot(*np.diff(states[:, [X, Y]], axis=0).T) if len(states) > 1 else np.empty(0)
         self.along: FloatArray = np.r_[0.0, np.cumsum(steps)]
-        # np.interp needs increasing places: a little is added at each step, as an ego that stands repeats its place.
+        # np.interp needs increasing places. An ego that stands repeats its place, so a little is added at each step.
         self._marks = self.along + np.arange(len(self.along)) * 1e-9
         self._poses = np.column_stack([states[:, X], states[:, Y], np.unwrap(states[:, HEADING])])
         self._steer = np.array(states[:, STEER])
@@ -66,7 +66,7 @@ class RecordedPath:
 
 
 class Replay:
-    """Drives a recorded run again with pedals and wheel that lead to its recorded states, and then brakes.
+    """Drives a recorded run again, with the pedals and the wheel that lead to its recorded states, and then brakes.
 
     It ignores observations: until it brakes the world is the recorded one, and it computes its own motion with the
     vehicle's model.
@@ -164,7 +164,7 @@ def _solve(least: float, excess: Callable[[float], float]) -> float:
         return low if abs(under) <= abs(over) else high
     middle = low
     for turn in range(_TRIES):
-        # Without a limit the excess is linear, and the first secant finds its root; with one, the halvings do.
+        # Without a limit the excess is linear, and the first secant finds its root; with a limit, the halvings find it.
         middle = low - under * (high - low) / (over - under) if turn % 2 == 0 else (low + high) / 2
         value = excess(middle)
         if abs(value) < EXACT_MPS:

@@ -34,9 +34,9 @@ class Whose(StrEnum):
     """Whose failure it is."""
 
     text: str
-    """The same in words."""
+    """The answer in words."""
     counted: str
-    """The same after a number."""
+    """The answer in words that follow a number."""
 
     def __new__(cls, value: str, text: str, counted: str = "") -> Self:
         """Make a member."""
@@ -56,7 +56,7 @@ class Whose(StrEnum):
 
 
 FOLDED = (Whose.UNAVOIDABLE, Whose.TOOL)
-"""Failures that reports only count at first: nothing follows from them for the driver."""
+"""Judgements whose failures are only counted in reports at first, because nothing follows from them for the driver."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,9 @@ class Responsibility:
 
     @property
     def text(self) -> str:
-        """The judgement with its reason: `the driver's fault: skip stands, and the ego drives into it`."""
+        """Return the judgement with its reason, such as `the driver's fault: skip stands, and the ego drives
+        into it`.
+        """
         return f"{self.whose.text}: {self.reason}"
 
     def as_document(self) -> dict[str, object]:

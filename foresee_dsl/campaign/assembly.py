@@ -80,7 +80,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
                                       rank=node.step.rank)  # fmt: skip
                 children[node] = {}
             case Mutants():
-                pass  # their mutants are separate steps
+                pass  # mutants are separate steps, so they are not part of this result
             case ChildOutcome():
                 if row.trace:
                     file = (out / node.file).as_posix()
@@ -129,7 +129,9 @@ def _allocated(node: StepNode) -> _Allocated:
 
 
 def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:
-    """Add the reference drivers' runs to a minimised mutant, and to its text which drivers avoid its failure."""
+    """Return a minimised mutant with the reference drivers' runs, and with the drivers that avoid its failure in its
+    text.
+    """
     child = replace(small.child, references=references)
     return replace(small, child=replace(child, text=_with_avoided(child.text, child)))
 

@@ -40,9 +40,8 @@ class DriverRun:
 
     Attributes:
         driver: the driver's address. version: the driver's version. way_m: distance driven by the ego. hard_brakings:
-          number.
-        step_ms: mean wall time of the driver's decision. digest: the trace's, equal for equal runs; "" if the process
-          died or was ended. notes: prints and errors of the driver.
+            number of hard brakings. step_ms: mean wall time of the driver's decision. digest: digest of the trace,
+            equal for equal runs; "" if the process died or was ended. notes: prints and errors of the driver.
     """
 
     case: str
@@ -58,7 +57,7 @@ class DriverRun:
     digest: str
     notes: DriverNotes = NO_NOTES
     broken_expectations: tuple[str, ...] = ()
-    """Broken expectations, one sentence each."""
+    """The broken expectations, one sentence each."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
     near: NearMisses | None = None
@@ -88,7 +87,7 @@ class DriverRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the run passed with all expectations."""
+        """Return whether the run passed and all expectations hold."""
         return passes(self.verdict, self.broken_expectations)
 
 
@@ -125,27 +124,27 @@ class DriverRow:
 
     @property
     def by_verdict(self) -> dict[Verdict, int]:
-        """Number of runs by verdict, in the order of `Verdict`."""
+        """Return the number of runs by verdict, in the order of `Verdict`."""
         return {verdict: self.verdicts[verdict] for verdict in Verdict if self.verdicts[verdict]}
 
     @property
     def arrived(self) -> float:
-        """Share of the cases that passed, 0 to 1."""
+        """Return the share of the cases that passed, 0 to 1."""
         return self.share(Verdict.PASS)
 
     @property
     def failed(self) -> float:
-        """Share of the cases that ended in a collision or off the road (F1 to F5), 0 to 1."""
+        """Return the share of the cases that ended in a collision or off the road (F1 to F5), 0 to 1."""
         return self.share(*(v for v in Verdict if v.is_collision))
 
     @property
     def mean_mps(self) -> float:
-        """Mean speed of the ego, including standing time, m/s."""
+        """Return the mean speed of the ego, including the time in which it stood, m/s."""
         return self.way_m / self.duration_s if self.duration_s else 0.0
 
     @property
     def hard_brakings_per_km(self) -> float:
-        """Number of hard brakings per km."""
+        """Return the number of hard brakings per km."""
         return self.hard_brakings / self.way_m * 1000 if self.way_m else 0.0
 
 
@@ -156,7 +155,8 @@ class Assessment:
     runs: tuple[DriverRun, ...]
     seed: int
     broken: tuple[str, ...] = ()
-    """Always empty: a run whose process died counts as a crash among the runs."""
+    """Steps that could not be run. An assessment has none, because a run whose process died counts as a crash among the
+    runs."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -170,12 +170,12 @@ class Assessment:
 
     @property
     def drivers(self) -> tuple[DriverRow, ...]:
-        """One row per driver."""
+        """Return a row of figures for each driver."""
         return rows_of(self.runs)
 
     @property
     def families(self) -> tuple[DriverRow, ...]:
-        """One row per driver and family."""
+        """Return a row of figures for each driver and family."""
         return rows_of(self.runs, families=True)
 
 
@@ -239,7 +239,7 @@ def run_one(
         return drivers[-1]
 
     result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines, rules=rules)
-    timed = drivers[-1]  # the last one, if the run was repeated for a check
+    timed = drivers[-1]  # if a run was repeated for a check, the last run counts
     return DriverRun(
         case=case.id,
         family=case.family,
@@ -306,7 +306,7 @@ class _Timed:
             observation.actors,
             observation.signals,
             observation.ego,
-        )  # sensing happens on access and is not the driver's time
+        )  # sensors are evaluated when the driver reads them, which must not count as the driver's time
         started = time.perf_counter()
         try:
             return self._driver.step(observation)

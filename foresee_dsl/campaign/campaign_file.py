@@ -23,7 +23,7 @@ from foresee_dsl.language.project.loading import Project
 NOT_INSTALLED, NOTHING_THERE = "FS058", "FS059"
 
 NOBODY = "none"
-"""Word for no reference driver."""
+"""The word in a campaign's file that means no reference driver."""
 _PATTERN = frozenset("*?[")
 
 
@@ -62,7 +62,9 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
     document = Project().document(path)
     model = document.model
     if not isinstance(model, m.Campaign):
-        raise InputError((document.diagnostic(model, "", "FS132", f"this is a {model.kind}, not a campaign"),))
+        raise InputError(
+            (document.diagnostic(model, "", "FS132", f"the file contains a {model.kind}, not a campaign"),)
+        )
     if mistakes := mistakes_of(document, allow_outside=allow_outside):
         raise InputError(mistakes)
     seeds = (item for item in model.body if isinstance(item, m.Seeds))
@@ -104,7 +106,7 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
             message, help_ = f"there is no preset '{item.name}'", did_you_mean(item.name, PRESETS)
             yield document.diagnostic(item, "name", NOT_INSTALLED, message, help_)
         elif isinstance(item, m.Seeds) and not allow_outside and _leads_outside(item.path, folder):
-            message = f"'{item.path}' leads out of the project folder '{project_folder(absolute(folder)).as_posix()}'"
+            message = f"'{item.path}' is outside the project folder '{project_folder(absolute(folder)).as_posix()}'"
             help_ = "move the files there, or allow it with `--allow-outside`"
             yield document.diagnostic(item, "path", OUTSIDE, message, help_)
         elif isinstance(item, m.Seeds) and not _paths(item, folder):

@@ -32,8 +32,9 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
 from foresee_dsl.simulate.trace import Trace
 
-REMEMBERS = "keeps something from run to run that changes what it does"
-"""Note on a driver whose repeated run, without any kept state, differs; the repeated run's result counts."""
+REMEMBERS = "keeps data from one run to the next that changes its behaviour"
+"""What reports say of a driver whose repeated run, without kept values, differs. The result of the repeated run
+counts."""
 
 
 def run_test_case(
@@ -72,14 +73,17 @@ def driven(
 
     def with_parts(parts: frozenset[DriverPart], futures: Trace | None = None) -> RunResult:
         driver_made = make()
-        seed_globals(seed)  # its package may draw random numbers on import, which only the first run of a process does
+        # A driver's package may draw random numbers when it is imported, which happens only in the first run of a
+        # process.
+        seed_globals(seed)
         return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines,
                    rules=rules, ideal=parts, futures=futures)  # fmt: skip
 
     def once() -> RunResult:
         if DriverPart.PREDICTION not in ideal:
             return with_parts(ideal)
-        # The others react to the ego, so the prediction is made twice: of the run without it, and of the run with it.
+        # The others react to the ego, so the prediction is made twice: from the run without the ideal part, and from
+        # the run with it.
         first = with_parts(ideal - {DriverPart.PREDICTION})
         second = with_parts(ideal, first.trace)
         return with_parts(ideal, second.trace) if second.verdict.is_failure else second
@@ -89,7 +93,7 @@ def driven(
             began_s, most_s = time.monotonic(), (deadlines or DEADLINES).for_run_s(longest_s(case))
             with one_run() as to_be_checked:
                 result = once()
-            # A run that took half of its deadline has no time for a second one; a later run is checked instead.
+            # A run that took half of its deadline leaves no time for a second one; a later run is checked instead.
             if time.monotonic() - began_s < most_s / 2 and to_be_checked():
                 with nothing_kept():
                     again = once()
@@ -142,7 +146,7 @@ def new_driver(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
 
 
 class _NotMade:
-    """A substitute for a driver that could not be created: its `reset` raises the error."""
+    """Stands in for a driver that could not be created: its `reset` raises the error."""
 
     def __init__(self, name: str, why: BaseException) -> None:
         self.name, self.version, self._why = name, "", why

@@ -24,8 +24,8 @@ _PARTS = ("children", "findings", "traces")
 class CampaignFolder:
     """The folder of one campaign's results.
 
-    It holds `campaign.json`, `children/` (failing mutants and their clips), `findings/` (minimised representatives) and
-    `traces/`.
+    It contains `campaign.json`, `children/` (failing mutants and their clips), `findings/` (minimised representatives)
+    and `traces/`.
 
     While a campaign runs, its files are collected in `.work-PID` inside; files of an earlier campaign remain until the
     end.
@@ -106,7 +106,7 @@ class CampaignFolder:
                 os.link(old, file)
                 return
         except OSError:
-            pass  # there is no old file, or the disk has no hard links
+            pass  # there is no old file, or the disk does not have hard links
         file.write_bytes(data)
 
 

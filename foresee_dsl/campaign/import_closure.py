@@ -146,7 +146,7 @@ def _cached_imports() -> dict[str, list[str]]:
 
 
 def _cache_imports(imports: dict[str, list[str]]) -> None:
-    with suppress(OSError):  # a cache that cannot be written only costs time
+    with suppress(OSError):  # a cache that cannot be written costs only time
         there = {file_hash(file) for package in with_plug_ins() for file in _modules_of(package).values()}
         used = {digest: names for digest, names in imports.items() if digest in there}
         write_whole(cache_folder("imports") / _CACHE, json.dumps(used))

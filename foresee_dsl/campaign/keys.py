@@ -123,7 +123,7 @@ def _package_digest(top: str) -> str:
 
 
 def _imports(file: Path) -> set[str]:
-    with suppress(SyntaxError, ValueError):  # a file that is not source of this Python version has no imports
+    with suppress(SyntaxError, ValueError):  # a file that this version of Python cannot parse has no imports
         return set(imports_of(file.read_bytes()))
     return set()
 

@@ -21,12 +21,12 @@ class StepNode:
 
     @property
     def folder(self) -> str:
-        """Folder of the files of clips and mutants, relative to the campaign's folder."""
+        """Return the folder of the files of clips and mutants, relative to the campaign's folder."""
         return self.step.folder(self.case)
 
     @property
     def file(self) -> str:
-        """Its file, relative to the campaign's folder."""
+        """Return the step's file, relative to the campaign's folder."""
         return f"{self.folder}/{self.step.name}.foresee"
 
     def over(self, kind: str) -> StepNode:

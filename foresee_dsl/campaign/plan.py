@@ -46,7 +46,7 @@ class StagePlan:
 
     @property
     def kind(self) -> str:
-        """Kind of the steps."""
+        """Return the kind of the steps."""
         return self.step.kind
 
 
@@ -68,9 +68,11 @@ class Allocated:
 
     @property
     def sentence(self) -> str:
-        """The allocation and its known rounds, in sentences."""
-        begins = (f"children are allocated in {self.rounds} rounds: {self.first} per clip, then more to clips whose "
-                  "children in earlier rounds were worth most")  # fmt: skip
+        """Return the allocation and its known rounds, in sentences."""
+        begins = (
+            f"children are allocated in {self.rounds} rounds: {self.first} per clip, then more for clips whose "
+            "children in earlier rounds were worth most"
+        )
         return "\n".join((begins, *(later.sentence for later in self.later_rounds)))
 
 
@@ -106,9 +108,10 @@ class CampaignPlan:
 
     @property
     def longest_s(self) -> float:
-        """Upper limit of the wall time of the remaining steps, s, as the number of following steps is unknown.
+        """Return an upper limit of the wall time of the remaining steps, s, because the number of following steps is
+        unknown.
 
-        Failures to minimise are counted with a usual share.
+        For failures that are to be minimised, the usual share is assumed.
         """
         return (
             sum((stage.to_run + stage.at_most * stage.step.share) * stage.each_s for stage in self.stages) / self.jobs
@@ -116,18 +119,18 @@ class CampaignPlan:
 
     @property
     def measured(self) -> bool:
-        """Whether all times come from the store."""
+        """Return whether all times come from the store."""
         return all(stage.measured or not stage.to_run + stage.at_most for stage in self.stages)
 
     @property
     def runs_to_do(self) -> ToDo:
-        """Number of runs known to be missing, and of further runs that may follow."""
+        """Return the number of runs known to be missing, and of further runs that may follow."""
         stages = [stage for stage in self.stages if stage.step.drives]
         return ToDo(sum(s.to_run for s in stages), sum(s.at_most for s in stages))
 
     @property
     def links(self) -> dict[str, Any]:
-        """The graph as nodes and links."""
+        """Return the graph as nodes and links."""
         return dict(nx.node_link_data(self.graph, edges="links"))
 
     def as_dot(self) -> str:
@@ -217,7 +220,7 @@ def _stage_plans(graph: nx.DiGraph[str], store: Store | None, settings: Campaign
     keys: set[str] = set()
     for _, data in graph.nodes(data=True):
         if data["key"] and data["key"] in keys:
-            continue  # the same run under two names
+            continue  # two names for the same run
         keys.add(data["key"])
         counts[data["kind"], data["state"]] += data["count"]
     measured = store.mean_wall_s(settings.driver) if store is not None else {}

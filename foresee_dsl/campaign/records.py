@@ -34,34 +34,34 @@ class Judged:
 
     @property
     def responsibility(self) -> Responsibility | None:
-        """Whose failure it is, and why in a line; None if the run did not fail."""
+        """Return whose failure it is, and the reason in one line; None if the run did not fail."""
         if self.story is None or not self.verdict.is_failure:
             return None
         return responsibility_of(self.story, self.verdict, self.judgements, self.references)
 
     @property
     def preventability(self) -> Preventability | None:
-        """Answer of the careful driver of UN Regulation 157; None if the run did not fail."""
+        """Return the answer of the careful driver of UN Regulation 157; None if the run did not fail."""
         return next((judgement for judgement in self.judgements if isinstance(judgement, Preventability)), None)
 
     @property
     def anticipation(self) -> Anticipation | None:
-        """Answer of the anticipating driver; None if the run did not fail."""
+        """Return the answer of the anticipating driver; None if the run did not fail."""
         return next((judgement for judgement in self.judgements if isinstance(judgement, Anticipation)), None)
 
     @property
     def preventable(self) -> Preventable | None:
-        """Whether a careful driver would have avoided the failure; None without a failure or an answer."""
+        """Return whether a careful driver would have avoided the failure; None without a failure or an answer."""
         return self.preventability.verdict if self.preventability else None
 
     @property
     def avoided(self) -> tuple[ReferenceRun, ...]:
-        """Runs of reference drivers that avoid the failure and also pass the unmutated clip."""
+        """Return the runs of reference drivers that avoid the failure and also pass the unmutated clip."""
         return tuple(run for run in self.references if run.avoids)
 
     @property
     def avoidable(self) -> bool:
-        """Whether any judge or reference driver states that the failure could have been avoided."""
+        """Return whether any judge or reference driver says that the failure could have been avoided."""
         return any(answer.avoids for answer in (*self.judgements, *self.references))
 
 
@@ -87,9 +87,9 @@ class CaseRunOutcome(Judged):
     story: Story | None = None
     notes: DriverNotes | None = None
     references: tuple[ReferenceRun, ...] = ()
-    """For a failure: its runs with reference drivers."""
+    """For a failure, its runs with reference drivers."""
     broken_expectations: tuple[str, ...] = ()
-    """Broken expectations, one sentence each."""
+    """The broken expectations, one sentence each."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
 
@@ -117,7 +117,7 @@ class CaseRunOutcome(Judged):
 
     @property
     def passed(self) -> bool:
-        """Whether the run passed with all expectations."""
+        """Return whether the run passed and all expectations hold."""
         return passes(self.verdict, self.broken_expectations)
 
 
@@ -193,17 +193,17 @@ class ChildOutcome(Judged):
     near: NearMisses | None = None
     story: Story | None = None
     notes: DriverNotes | None = None
-    """For a run that did not pass, if there are any."""
+    """Notes about a run that did not pass, if there are any."""
     references: tuple[ReferenceRun, ...] = ()
-    """For a failure: its runs with reference drivers."""
+    """For a failure, its runs with reference drivers."""
     round: int | None = None
     """Round that requested it, if mutants are allocated in rounds."""
     drawn_near: str = ""
     """Name of the earlier mutant whose changes this one varies; empty if it was drawn independently."""
     broken_expectations: tuple[str, ...] = ()
-    """As in a `CaseRunOutcome`."""
+    """See `CaseRunOutcome`."""
     infractions: tuple[Infraction, ...] = ()
-    """As in a `CaseRunOutcome`."""
+    """See `CaseRunOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -231,18 +231,20 @@ class ChildOutcome(Judged):
 
     @property
     def passed(self) -> bool:
-        """Whether the run passed with all expectations."""
+        """Return whether the run passed and all expectations hold."""
         return passes(self.verdict, self.broken_expectations)
 
     @property
     def changes(self) -> list[str]:
-        """The mutant's changes as text of its file (parsing 1,200 mutants for the same text takes seconds)."""
+        """Return the mutant's changes as the text of its file; parsing 1,200 mutants for the same text would take
+        seconds.
+        """
         lines = (line.strip() for line in self.text.splitlines() if "change " in line)
         return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
 
     @property
     def failed_file(self) -> str:
-        """Its file, which only a failure has; otherwise empty."""
+        """Return the mutant's file, which only a failure has; otherwise ""."""
         return self.file if self.verdict.is_failure else ""
 
 
@@ -272,7 +274,7 @@ class ClipOutcome:
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
     notes: DriverNotes | None = None
-    """As in a `ChildOutcome`."""
+    """See `ChildOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -291,7 +293,7 @@ class ClipOutcome:
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:
-        """The mutants that failed."""
+        """Return the mutants that failed."""
         return tuple(c for c in self.children if c.verdict.is_failure)
 
 
@@ -313,7 +315,7 @@ class Minimised:
         child: its run. clip: the name of its clip. clip_text: the file of that clip.
         dropped: changes and actors that were left out. boundaries: values at which its numbers begin to fail.
         changes, actors, clip_lines: numbers before and after; lines of the clip's file.
-        runs: number of runs needed. complete: the budget sufficed for all reductions.
+        runs: number of runs needed. complete: whether the budget was enough for all reductions.
         note: why it is unchanged or not as small as possible; "" without a note.
     """
 
@@ -352,17 +354,17 @@ class Minimised:
 
     @property
     def folder(self) -> str:
-        """Folder of its files, relative to the campaign's folder."""
+        """Return the folder of its files, relative to the campaign's folder."""
         return f"findings/{self.child.name}"
 
     @property
     def file(self) -> str:
-        """The mutant's file, relative to the campaign's folder."""
+        """Return the mutant's file, relative to the campaign's folder."""
         return f"{self.folder}/{self.child.name}.foresee"
 
     @property
     def clip_file(self) -> str:
-        """The clip's file, relative to the campaign's folder."""
+        """Return the clip's file, relative to the campaign's folder."""
         return f"{self.folder}/{self.clip}.foresee"
 
 
@@ -373,7 +375,8 @@ Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | Refe
 def encode(record: Record) -> bytes:
     """Return a record in its stored form; floats keep every bit."""
     plain = _adapter(type(record).__name__).dump_python(record, mode="json")
-    # Level 1: a clip's 8 kB of text become 2 kB in 0.1 ms; level 6 saves another tenth and takes three times as long.
+    # Level 1, because it packs a clip's 8 kB of text to 2 kB in 0.1 ms; level 6 saves another tenth and takes three
+    # times as long.
     return zlib.compress(json.dumps(plain, separators=(",", ":")).encode(), 1)
 
 

@@ -37,22 +37,22 @@ class FamilyRow:
 
     @property
     def cases_passed(self) -> int:
-        """Number of test cases that passed."""
+        """Return the number of test cases that passed."""
         return self.cases - self.cases_failed
 
     @property
     def failed(self) -> int:
-        """Number of failures."""
+        """Return the number of failures."""
         return sum(self.failures.values())
 
     @property
     def per_risky_point(self) -> float:
-        """Failures per studied clip."""
+        """Return the failures per clip that was used."""
         return self.failed / self.clips if self.clips else 0.0
 
     @property
     def per_simulated_hour(self) -> float:
-        """Failures per simulated hour, including seeds and clips."""
+        """Return the failures per simulated hour, including seeds and clips."""
         return self.failed / (self.simulated_s / 3600) if self.simulated_s else 0.0
 
 
@@ -82,9 +82,9 @@ class CampaignResult:
     wall_s: float
     interrupted: bool = False
     broken: tuple[str, ...] = field(default=())
-    """Steps that could not be run, one line each."""
+    """The steps that could not be run, one line each."""
     minimised: tuple[Minimised, ...] = ()
-    """Minimised representatives of the findings, sorted by name."""
+    """The minimised representatives of the findings, sorted by name."""
 
     def row(self, family: str | None = None) -> FamilyRow:
         """Return the figures of one family, or of all."""
@@ -109,7 +109,7 @@ class CampaignResult:
 
     @property
     def failed(self) -> bool:
-        """Whether a test case or mutant failed, or a run broke."""
+        """Return whether a test case or mutant failed, or a run crashed."""
         return (
             any(not seed.passed for seed in self.seeds)
             or any(is_problem(clip.verdict, clip.notes) for clip in self.clips)
@@ -119,14 +119,14 @@ class CampaignResult:
 
     @property
     def breaking(self) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
-        """Test cases and mutants that passed but broke an expectation."""
+        """Return the test cases and mutants that passed but broke an expectation."""
         runs: list[CaseRunOutcome | ChildOutcome] = [*self.seeds]
         runs += [child for clip in self.clips for child in clip.children]
         return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
     @property
     def fidelity(self) -> FidelityFigures:
-        """Deviations of the unmutated clips from their parents' runs, the ego separately."""
+        """Return the deviations of the unmutated clips from their parents' runs, the ego separately."""
         others = [far for clip in self.clips for far in clip.others_m]
         egos = [clip.ego_m for clip in self.clips]
         return FidelityFigures(
@@ -141,7 +141,7 @@ class CampaignResult:
 
     @property
     def families(self) -> tuple[str, ...]:
-        """The families that occur, in the order of the paper's table; the empty one (no tag) last."""
+        """Return the families that occur, in the order of the paper's table; the empty one (no tag) last."""
         return tuple(sorted({s.family for s in self.seeds}, key=lambda f: (not f.isdigit(), int(f or 0), f)))
 
     def avoidable(self, kind: Verdict | None = None) -> dict[Preventable, int]:
@@ -209,19 +209,20 @@ class CampaignResult:
 
     @cached_property
     def total(self) -> FamilyRow:
-        """Figures of all families."""
+        """Return the figures of all families."""
         return self.row()
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """Findings (failures with the same story), completed by their minimised representatives, in the order of
-        reports."""
+        """Return the findings (failures with the same story), completed by their minimised representatives, in the
+        order of reports.
+        """
         small = {record.child.name: record for record in self.minimised}
         return in_order(replace(finding, minimised=small.get(finding.name)) for finding in findings_of(self))
 
     @property
     def open_first(self) -> tuple[str, ...]:
-        """Files of the failing mutants to inspect first."""
+        """Return the files of the failing mutants to inspect first."""
         return tuple(child.file for child in self.to_open_first())
 
 

@@ -57,7 +57,9 @@ class CampaignSettings:
 
     @property
     def first_children(self) -> int:
-        """Number of mutants of a clip with each seed before any result is known; with `even`, all."""
+        """Return the number of mutants of a clip with each seed before any result is known; with `even`, all
+        of them.
+        """
         return self.children if self.allocation == "even" else min(self.children, FIRST)
 
 
@@ -114,7 +116,7 @@ class CampaignLimits:
 
     @property
     def deadlines(self) -> Deadlines:
-        """The deadlines of a driver."""
+        """Return the deadlines of a driver."""
         return Deadlines(self.step_s, self.deadline_s)
 
     def for_run(self, simulated_s: float) -> float:

@@ -54,11 +54,11 @@ def _steps() -> tuple[type[AnyStep], ...]:
 
 
 STEPS = _steps()
-"""All step classes, each after the one that it follows from."""
+"""All classes of steps, each after the class that it follows from."""
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
-"""Step classes that follow from each kind of step."""
+"""The classes of steps that follow from each kind of step."""
 FAILED = frozenset(verdict.value for verdict in FAILURES)
-"""Verdicts of failures, as in rows."""
+"""The verdicts that count as failures, as rows of the store contain them."""
 
 
 def _next(node: StepNode, row: Row) -> Iterator[type[AnyStep]]:
@@ -95,14 +95,14 @@ class Stages:
             key,
         )
         self._after: dict[StepNode, tuple[StepNode, ...]] = {}
-        """Steps that follow from the visited steps; a step is visited before and after its run."""
+        """For each visited step, the steps that follow from it; a step is visited before and after it has run."""
         self._passed: set[StepNode] = set()
-        """Visited mutants that did not fail."""
+        """The visited mutants that did not fail."""
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
         self.last: tuple[StepNode, ...] = ()
-        """Steps returned by `choose`."""
+        """The steps that `choose` has returned."""
         self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()
-        """Rounds of each part, if mutants are allocated in rounds."""
+        """The rounds of each part, if mutants are allocated in rounds."""
 
     @Part.ENGINE.measured
     def row(self, node: StepNode) -> Row | None:
@@ -116,7 +116,7 @@ class Stages:
             return False
         notes = getattr(decode(row.record, node.step.record), "notes", None)
         hang = notes.hang if isinstance(notes, DriverNotes) else None
-        if hang is None:  # the process was ended from outside
+        if hang is None:  # the process was ended from outside, so there is no result
             return row.wall_s < self._deadline_s(node, limits)
         now = {"reset": limits.deadlines.for_reset_s, "step": limits.deadlines.for_step_s}
         return hang.limit_s < now.get(hang.call, self._deadline_s(node, limits))
@@ -257,7 +257,7 @@ class CaseFiles:
         return self._refs[case.id]
 
     def _shared_ref(self, case: TestCase) -> InputRef:
-        # Look up by identity first: the cases of a project share the network object, and pickling it is slow.
+        # Searched by identity first, because the cases of a project share the network object, and pickling it is slow.
         entry = self._shared.get(id(case.network))
         if entry is None or entry[0] is not case.network or isinstance(case.network, Path):
             self._shared[id(case.network)] = entry = (case.network, self._put((case.network, dict(case.models))))

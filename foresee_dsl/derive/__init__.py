@@ -1,1 +1,1 @@
-"""Children of a run: clips around risky points, and their mutants."""
+"""Children of a run: clips around risky points, and the mutants of the clips."""

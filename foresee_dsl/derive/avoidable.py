@@ -1,4 +1,4 @@
-"""The children of the preset `avoidable`: the best candidates of a clip, each as a change of the clip."""
+"""The mutants of the preset `avoidable`: the best candidates for a clip, each as a change of the clip."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ strength of one behaviour often ends the same way."""
 SAME_ACTOR = 0.8
 """Factor on a candidate's score for each child of the same actor that is chosen already. Ours."""
 LEAST = 0.15
-"""Score below which a clip gets at most `UNSURE` candidates. Ours: the score of a candidate that hits even a driver
-that reacts late. Of 116 children of 11 test cases, 6 of 9 with a score of 0.4 failed, 1 of 18 from 0.2 on, none of 89
-below."""
+"""Score below which at most `UNSURE` candidates of a clip are used. Ours: a candidate with this score hits even a
+driver that reacts late. Of 116 children of 11 test cases, 6 of 9 with a score of 0.4 failed, 1 of 18 from 0.2 on, none
+of 89 below."""
 HARDLY = 0.08
-"""Score below which a candidate is not simulated. Ours: it misses even a driver that does not react."""
+"""Score below which a candidate is not simulated. Ours: such a candidate misses even a driver that does not react."""
 ALIKE = 2
-"""Maximum number of children per actor and kind of change. Ours: a third one ends like the first two."""
+"""Maximum number of mutants for each actor and kind of change. Ours: a third one ends like the first two."""
 UNSURE = 2
-"""Maximum number of children with a score between `HARDLY` and `LEAST`. Ours: they test whether the driver reacts at
-all; of cyclists beside `pdm`, one in four of them failed."""
+"""Maximum number of mutants with a score between `HARDLY` and `LEAST`. Ours: they test whether the driver reacts at
+all; with cyclists beside `pdm`, one in four such mutants failed."""
 _PROPERTY = {
     Kind.LATE: ("delay", "late_start"),
     Kind.EARLY: ("moving", "early_start"),
@@ -54,7 +54,7 @@ Children = list[tuple[tuple[str, ...], tuple[Change, ...]]]
 
 
 def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) -> Children:
-    """Return up to `count` children (names of operators, and changes), best first and of several kinds."""
+    """Return up to `count` mutants (names of operators, and changes): the best first, and of several kinds."""
     if preset.search is None:
         return []
     trace = situation.trace
@@ -89,7 +89,7 @@ def _worth(scored: ScoredCandidate, chosen: list[Candidate]) -> float:
 
 
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
-    """Return the change that makes an actor behave as the candidate; None if the actor cannot do so."""
+    """Return the change that makes an actor behave like the candidate; None if the actor cannot behave so."""
     name, actor = _PROPERTY[candidate.kind][0], candidate.actor
     if name == "ignores":
         obeys = not any(isinstance(item, IgnoresRule) for item in situation.actors[actor].body)
@@ -112,7 +112,7 @@ def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Chang
 
 
 def _value(situation: Situation, preset: Preset, candidate: Candidate, was: float) -> float | None:
-    """Return the property's new value in SI units; None if the model or the place does not allow the behaviour."""
+    """Return the new value of the property in SI units; None if the model or the place does not allow the behaviour."""
     spec = situation.spec(candidate.actor)
     match candidate.kind:
         case Kind.PACE:
@@ -130,7 +130,7 @@ def _value(situation: Situation, preset: Preset, candidate: Candidate, was: floa
 
 
 def _free(situation: Situation, actor: str, along_m: float) -> bool:
-    """Return whether an actor's footprint at a place of its path touches no other actor at the first frame."""
+    """Return whether an actor's footprint at a place on its path touches no other actor at the first frame."""
     info, column = situation.info(actor), situation.columns[actor]
     box = np.array([*Polyline.of(info.path).at(along_m), info.length_m, info.width_m])
     return is_free(situation.trace, column, 0, box)

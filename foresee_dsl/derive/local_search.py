@@ -1,4 +1,4 @@
-"""Local search: draws changes near those of a child, by the same operators on the same targets."""
+"""Local search: draws changes similar to those of an earlier mutant, by the same operators on the same targets."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.model import Change, Quantity
 
 Plan = tuple[tuple[Operator, str], ...]
-"""The operators of one child, each with its target."""
+"""The operators of one mutant, each with its target."""
 Gap = Callable[[tuple[Change, ...]], tuple[float, float]]
-"""Returns the smallest distances of the roll-out of changes to the recorded ego: of footprints and of centres, m."""
+"""A function that returns the smallest distances to the recorded ego when changes are rolled out, m: between
+footprints, and between centres."""
 NEAR_OF = 32
-"""Number of an operator's draws that are compared with the original change."""
+"""Number of values that an operator draws to find values near the original one. Ours."""
 SHARES = (1.0, 0.9, 0.8)
-"""Shares of its strength to which a change is reduced if no operator of the plan draws its property. Ours."""
+"""Shares of its strength to which a change is reduced, if no operator of the plan draws its property. Ours."""
 SHIFTS_S = (0.0, -0.4, -0.2, 0.2, 0.4)
-"""Shifts of the onset of such a change. Ours: the spread of a driver's reaction times."""
+"""Shifts of the beginning of such a change, s. Ours: the spread of a driver's reaction times."""
 NEAREST = 8
-"""Number of those draws, the nearest ones, that count as near. Ours: a quarter, so that on average a number moves by at
-most an eighth of its range."""
+"""Number of the nearest draws that count as near. Ours: a quarter, so that on average a number moves by at most an
+eighth of its range."""
 
 
 def near_changes(
@@ -36,7 +37,7 @@ def near_changes(
     seen: Collection[tuple[Change, ...]],
     gap: Gap,
 ) -> tuple[tuple[str, ...], tuple[Change, ...]] | None:
-    """Draw changes near the original ones; None if all that are near were `seen`.
+    """Return changes near the original ones; None if all near changes were `seen`.
 
     Of `preset.draws` draws, the one whose roll-out comes nearest to the ego is returned. A change that no operator of
     the plan draws becomes weaker, or begins earlier or later.
@@ -59,7 +60,10 @@ def near_changes(
 
 
 def _weaker_or_moved(change: Change) -> list[tuple[Change, ...]]:
-    """Return variants of a change that no operator draws; none is stronger, as its search keeps to what people do."""
+    """Return variants of a change that no operator draws.
+
+    None of them is stronger, because the search that proposed the change keeps to what people do.
+    """
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
         return []
     now, was, variants = change.now, change.was, []
@@ -101,7 +105,7 @@ def _alternatives(
 
 
 def _alike(changes: tuple[Change, ...], part: tuple[Change, ...]) -> bool:
-    """Return whether two tuples of changes differ in numbers only."""
+    """Return whether two tuples of changes differ only in their numbers."""
     return [_words(change) for change in changes] == [_words(change) for change in part]
 
 

@@ -1,4 +1,4 @@
-"""Makes the mutants of a clip: each has a few checked changes; the same seed gives the same mutants."""
+"""Makes the mutants of a clip. Each has a few checked changes, and the same seed gives the same mutants."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import Trace
 
 CHILDREN = 4
-"""c, the number of children per risky point (paper, section 4.4)."""
+"""Default number of mutants per risky point (the paper's c, section 4.4)."""
 UNPROMISING = 0.25
-"""Share of its children that a clip gets if the preset's search finds no candidate. Ours: one in four by default."""
+"""Share of its mutants that a clip gets if the preset's search finds no candidate. Ours: one of four by default."""
 _DRAWS = 32
-"""Maximum number of draws for one child, since a draw that equals an earlier child is repeated. Ours: two draws of a
-hundred values are equal once in a hundred times, 32 in a row practically never. Where the operators have fewer values
-than children, there are fewer children."""
+"""Maximum number of draws for one mutant; a draw that equals an earlier mutant is repeated. Ours: two draws of a
+hundred values are equal once in a hundred times, 32 in a row practically never. If the operators have fewer values than
+mutants, there are fewer mutants."""
 
 
 def mutate(
@@ -68,7 +68,7 @@ def mutate(
 
 
 class Mutator:
-    """Makes children of one clip, with any number of seeds; arguments and errors are those of `mutate`."""
+    """Makes the mutants of one clip, with any number of seeds; arguments and errors are those of `mutate`."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class Mutator:
         models: Collection[str] | None = None,
         plans: Sequence[PlanNames] = (),
     ) -> None:
-        """Determine which operators can act on which actors (in `situation`); that does not depend on the seed.
+        """Find out which operators can act on which actors (in `situation`); that does not depend on the seed.
 
         `plans`: the `plans` of another mutator of the same clip, to save the time to determine them again.
 
@@ -103,18 +103,20 @@ class Mutator:
         self._proposed = (clip.risk.operator or "") if clip.risk else ""
         if self._proposed and self._proposed not in operators():
             names = ", ".join(sorted(operators()))
-            raise ForeseeError(f"clip {clip.name}: its `risk` line says `by {self._proposed}`, write one of: {names}")
+            raise ForeseeError(
+                f"clip {clip.name}: its `risk` line has the unknown `by {self._proposed}`; write one of: {names}"
+            )
         by_name = operators() if plans else {}
         stated = [tuple((by_name[name], target) for name, target in plan) for plan in plans]
         self._plans = stated or _proposed_first(_plans(self.situation, self._preset, self._proposed), self._proposed)
 
     @property
     def plans(self) -> tuple[PlanNames, ...]:
-        """The plans of the children, which take turns: names of operators, each with its target."""
+        """Return the plans, which the mutants use in turn: names of operators, each with its target."""
         return tuple(tuple((operator.name, target) for operator, target in plan) for plan in self._plans)
 
     def searched(self, seed: int, most: int) -> int:
-        """Return how many children the preset's search yields for a seed, at most `most`."""
+        """Return how many mutants the preset's search yields for a seed, at most `most`."""
         return len(self._best(seed, most))
 
     def children(self, count: int = CHILDREN, *, seed: int = 0, driver: str = "") -> tuple[Mutant, ...]:
@@ -122,7 +124,7 @@ class Mutator:
         mutants: list[Mutant] = []
         seen: set[tuple[Change, ...]] = set()
         best = self.searched(seed, count)
-        if self._preset.search is not None:  # a clip without a promising candidate gets few children
+        if self._preset.search is not None:  # a clip without a promising candidate gets fewer mutants
             count = best or math.ceil(count * UNPROMISING)
         for k in range(1, count + 1) if self._plans or best else ():
             draw = Draw.numbered(k, len(self._plans), best)
@@ -141,7 +143,7 @@ class Mutator:
         seen: Collection[tuple[Change, ...]] = (),
         near: Mutant | None = None,
     ) -> Mutant | None:
-        """Make the child of a draw; None if all its changes were `seen`.
+        """Return the mutant of a draw; None if all its changes were `seen`.
 
         `near`: a child of the same plan; the new child has its changes, varied a little (`derive.local_search`).
         """
@@ -182,8 +184,10 @@ class Mutator:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
     def _best(self, seed: int, most: int) -> list[Drawn]:
-        """Return the first children of the preset's search; a search for fewer yields the first of a search for
-        more."""
+        """Return the first mutants of the preset's search.
+
+        The first results do not depend on how many are asked for.
+        """
         searched_for, children = self._searched.get(seed, (0, []))
         if searched_for < most:
             children = avoidable(self.situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
@@ -192,36 +196,38 @@ class Mutator:
 
 
 SEARCHED = -1
-"""The number that stands for the preset's search in place of a plan."""
+"""The value that means the preset's search instead of a plan."""
 
 
 class Draw(NamedTuple):
-    """Which draw of a clip a child is. `plan`: index in `Mutator.plans`. `turn`: number of the draw of that plan, from
-    0."""
+    """The draw that a mutant comes from.
+
+    `plan`: index in `Mutator.plans`. `turn`: number of the draw of that plan, from 0.
+    """
 
     plan: int
     turn: int
 
     @classmethod
     def numbered(cls, k: int, plans: int, searched: int) -> Draw | None:
-        """Return the draw of child `k` (from 1): first the children of the search, then the plans in turn."""
+        """Return the draw of mutant `k` (from 1): first the results of the search, then the plans in turn."""
         if k <= searched:
             return cls(SEARCHED, k - 1)
         return cls((k - 1) % plans, (k - 1) // plans) if plans else None
 
     def number(self, plans: int) -> int:
-        """Return the number that a child of this draw has (the reverse of `numbered`)."""
+        """Return the number of the mutant that comes from this draw (the reverse of `numbered`)."""
         return self.turn + 1 if self.plan == SEARCHED else self.plan + 1 + self.turn * plans
 
 
 Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
-"""The names of operators, and their changes."""
+"""The names of operators, and the changes that they have drawn."""
 PlanNames = tuple[tuple[str, str], ...]
 """A plan by names: its operators and their targets."""
 
 
 def _entropy(child: Mutant) -> tuple[int, ...]:
-    """Return a hash of a child's changes; it makes draws near one child differ from draws near another."""
+    """Return a hash of a mutant's changes, with which draws near this mutant differ from draws near another."""
     text = repr([change.model_dump_json() for change in child.changes])
     return 1, int(hashlib.sha256(text.encode()).hexdigest()[:12], 16)
 
@@ -242,7 +248,7 @@ def _risky_frame(clip: Clip, trace: Trace) -> int:
 
 
 def _handover_s(clip: Clip) -> float:
-    """Return how long the ego follows its recorded states at the clip's beginning, s."""
+    """Return for how long the ego follows its recorded states at the clip's beginning, s."""
     ego = next(item for item in clip.body if isinstance(item, Ego))
     return max((si_of(item.time) for item in ego.body if isinstance(item, Recorded)), default=0.0)
 
@@ -253,9 +259,10 @@ def _proposed_first(plans: list[Plan], operator: str) -> list[Plan]:
 
 
 def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
-    """Return the recipes whose operators can all act on their targets; if there are none, the parts that can.
+    """Return the recipes of which all operators can act on their targets; if there are none, of each recipe the
+    operators that can.
 
-    `proposed`: name of the operator that the risky point proposes for the ranked actor, "" for none.
+    `proposed`: name of the operator that the risky point proposes for the ranked actor; "" for none.
     """
     by_name = operators()
     ranked = situation.ranked if situation.ranked in situation.columns else ""
@@ -272,7 +279,10 @@ def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
 
 
 def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Operator]) -> str:
-    """Return the ranked actor, else the closest one that can be brought near the ego, else the first, or ""."""
+    """Return the actor that all operators of the preset change; "" if there is none.
+
+    It is the ranked actor, or else the closest actor that can be brought near the ego, or else the first.
+    """
     names = sorted({name for recipe in preset.recipes for name in recipe})
     near = situation.closest(situation.frame, list(situation.columns))
     if situation.ranked in near:
@@ -281,7 +291,7 @@ def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Oper
     usable = [a for a in usable if any(_acts(situation, preset, by_name[n], a) for n in names)]
     if preset.reach_m is None:
         return next(iter(usable), "")
-    rng = np.random.default_rng(0)  # the target does not depend on the seed
+    rng = np.random.default_rng(0)  # a fixed generator, because the target must not depend on the seed
     reachable = (
         actor
         for actor in usable
@@ -300,7 +310,9 @@ def _is_target(situation: Situation, preset: Preset, actor: str) -> bool:
 
 
 def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, float]:
-    """Return how near the roll-out of changes brings an actor to the recorded ego: of footprints and of centres, m."""
+    """Return how near changes bring an actor to the recorded ego when they are rolled out, m: footprints, and
+    centres.
+    """
     of = {c.actor: tuple(d for d in changes if d.actor == c.actor) for c in changes}
     gaps = (predicted_gap_m(situation.trace, situation.columns[a], own, situation.models) for a, own in of.items())
     return min(gaps, default=(np.inf, np.inf))
@@ -314,9 +326,9 @@ def _acts(situation: Situation, preset: Preset, operator: Operator, target: str)
 def _child(
     situation: Situation, preset: Preset, plan: Plan, rng: np.random.Generator, seen: Collection[tuple[Change, ...]]
 ) -> Drawn | None:
-    """Draw the operators and changes of one child; None if earlier children have all of them.
+    """Return the operators and changes of one mutant; None if earlier mutants have all of them.
 
-    Of `preset.draws` draws, the child is the one whose roll-out comes nearest to the ego.
+    Of `preset.draws` draws it is the one that comes nearest to the ego when it is rolled out.
     """
     draws: dict[tuple[Change, ...], tuple[str, ...]] = {}
     for _ in range(_DRAWS * preset.draws):

@@ -1,4 +1,4 @@
-"""Presets: named settings of the mutation operators."""
+"""Presets, which are named settings of the mutation operators."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Target = Literal["ranked", "letter"]
 
 
 class UnknownPresetError(ForeseeError):
-    """The name is not that of a preset."""
+    """Raised if there is no preset of the name."""
 
 
 @dataclass(frozen=True, slots=True)
 class SteerSettings:
-    """Steering perturbations.
+    """Settings of steering perturbations.
 
     Attributes:
         low, high: bounds of the angle, as shares of the largest one: -1 (right) to 1 (left) (paper, section 3.4).
@@ -28,7 +28,7 @@ class SteerSettings:
         least_share: share of the largest allowed angle below which values are left out, as they have no effect.
         before_point_s: time from the onset to the risky point; None: the onset is the clip's beginning.
         hold_s: how long the angle is held; None for the whole clip.
-        lateral_g: largest lateral acceleration from the steering alone, in g; None: as much as the tyres hold.
+        lateral_g: largest lateral acceleration from the steering alone, in g; None: only the tyres limit it.
         rate_rad_s: turning rate at which the front wheels must reach the angle within half of `hold_s`; None: no such
             limit.
         least_speed_mps: speed at the onset below which a target is not steered.
@@ -47,7 +47,7 @@ class SteerSettings:
 
 @dataclass(frozen=True, slots=True)
 class TimingSettings:
-    """Timing: scales the speed of a target along its own path.
+    """Settings of `timing`, which scales the speed of a target along its own path.
 
     Attributes:
         low, high: bounds of the factor. Ours: within the differences between drivers on one road.
@@ -67,7 +67,7 @@ class TimingSettings:
 
 @dataclass(frozen=True, slots=True)
 class DelaySettings:
-    """Delay: lets a target stand longer before it moves.
+    """Settings of `delay`, which lets a target stand longer before it moves.
 
     Attributes:
         low_s, high_s: smallest and largest delay. Ours: 1.5 s is an ordinary hesitation at a kerb, 0.2 s moves a walker
@@ -82,7 +82,7 @@ class DelaySettings:
 
 @dataclass(frozen=True, slots=True)
 class HeadStartSettings:
-    """Head start: puts a target further along its path at the beginning.
+    """Settings of `head_start`, which puts a target further along its path at the beginning.
 
     Attributes:
         low_s, high_s: the target begins at a place where it was this much later in the run. Ours: 0.2 s moves a walker
@@ -97,7 +97,7 @@ class HeadStartSettings:
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """Line: lets a target walk or ride beside its own path.
+    """Settings of `line`, which lets a target walk or ride beside its own path.
 
     Attributes:
         high_m: largest offset to either side. Ours: from the middle of a lane of 3.3 m, a bicycle 0.6 m wide comes
@@ -113,7 +113,7 @@ class LineSettings:
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """How clips are mutated.
+    """The settings with which clips are mutated.
 
     Attributes:
         recipes: each lists the operators of one child. The children take turns over the recipes whose operators can all
@@ -146,7 +146,8 @@ class Preset:
 
 PAPER = Preset(
     name="paper",
-    # "For each child simulation, the Scenario Mutator applies a random steering angle": every child is steered.
+    # The paper says "For each child simulation, the Scenario Mutator applies a random steering angle", so every mutant
+    # is steered.
     recipes=(("model_swap", "steer"),),
     targets="letter",
     farthest_m=None,
@@ -188,7 +189,8 @@ FOCUSED = Preset(
 """Ours, the default: the ranked actor, one second before the risky point."""
 
 AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
-"""Ours: first changes that hit the recorded ego and that a careful driver could have avoided; then as `focused`."""
+"""Ours: first changes that hit the recorded ego and that a careful driver could have avoided, then changes as in
+`focused`."""
 
 LAWFUL = replace(
     FOCUSED,
@@ -206,11 +208,12 @@ HEAVY_WEATHER = Preset(
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {p.name: p for p in (FOCUSED, PAPER, AVOIDABLE, LAWFUL, HEAVY_WEATHER)}
 )
-"""All presets by name. A study derives its own with `dataclasses.replace` and passes the object."""
+"""All presets by name. A study derives its own presets with `dataclasses.replace`, and passes the object instead of a
+name."""
 
 
 def preset(name: str | Preset) -> Preset:
-    """Return the preset of a name; a preset object is returned as it is."""
+    """Return the preset of a name; a preset object is returned unchanged."""
     if isinstance(name, Preset):
         return name
     if name not in PRESETS:

@@ -1,4 +1,4 @@
-"""The base of the drivers `pdm`, `idm` and `frenetix`, whose whole state is created by `reset`."""
+"""The base class of the drivers `pdm`, `idm` and `frenetix`, whose whole state is created anew by `reset`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from foresee_dsl.errors import DriverError
 
 
 class Steps(Protocol):
-    """The state of a driver from one `reset` to the next."""
+    """The state of a bundled driver from one `reset` to the next, which answers the observations."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None: ...
 
@@ -21,11 +21,11 @@ class Steps(Protocol):
         ...
 
     def planned(self) -> PlannedMotion | None:
-        """Return what the last step planned; None before the first one."""
+        """Return the acceleration and wheel angle that the last step planned; None before the first step."""
         ...
 
     def explain(self) -> Sequence[Reason]:
-        """Return the reasons for the last answer."""
+        """Return the reasons for the last answer, the strongest first."""
         ...
 
 
@@ -33,14 +33,14 @@ S = TypeVar("S", bound=Steps)
 
 
 class BundledDriver(Generic[S]):
-    """A driver whose answer is a function of the observations since `reset`, the mission and the vehicle."""
+    """A driver whose answer depends only on the observations since `reset`, the mission and the vehicle."""
 
     name: str
     version: str
     state_type: type[S]
-    """Type of the state, which each `reset` creates from the mission, the vehicle and a memory."""
+    """Type of the state; each `reset` creates one from the mission, the vehicle and a memory."""
     parts: tuple[DriverPart, ...]
-    """The parts that an ideal one can replace."""
+    """The parts of the driver that can be replaced by ideal ones."""
 
     _state: S | None = None
     _ideal: tuple[frozenset[DriverPart], Truth | None] = (frozenset(), None)
@@ -63,7 +63,7 @@ class BundledDriver(Generic[S]):
         return (self.state if state is None else state).step(observation)
 
     def planned(self) -> PlannedMotion | None:
-        """Return what the last step planned, before the pedals and the wheel."""
+        """Return what the last step planned, before it is converted to pedals and wheel."""
         return self.state.planned()
 
     def explain(self) -> Sequence[Reason]:

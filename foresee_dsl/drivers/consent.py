@@ -1,10 +1,11 @@
-"""Starts a program that a file names as a driver only with the user's consent: an option, or the configuration file.
+"""Decides whether a program that a file names as a driver may be started: only with the user's consent, which is an
+option or an entry in the configuration file.
 
 Opening a file from someone else must not run a command. A driver in another program has a colon in its address
 (`external:python3 mine.py`); other drivers are packages that the user has installed.
 
 `drivers.registry.load_driver` starts no program that is not allowed here, so that no command can forget the check. A
-task takes the programs that were allowed at its creation along to its process.
+task that runs in another process passes on the programs that were allowed when it was created.
 """
 
 from __future__ import annotations
@@ -36,13 +37,16 @@ def configuration() -> Path:
 
 
 def allow(*addresses: str) -> None:
-    """Allow programs to be started: these drivers' addresses, with any sensors. Other drivers need no consent."""
+    """Allow the programs of these drivers' addresses to be started, with any sensors. Other drivers need no consent."""
     _ALLOWED.set(_ALLOWED.get() | {_program(address) for address in addresses if _is_program(address)})
 
 
 @contextmanager
 def allowing(addresses: Iterable[str]) -> Iterator[None]:
-    """Allow programs within this block; programs that are allowed inside it also end with it."""
+    """Allow these programs within the block.
+
+    Programs that are allowed inside the block are forbidden again after it, too.
+    """
     token = _ALLOWED.set(_ALLOWED.get())
     try:
         allow(*addresses)
@@ -52,20 +56,22 @@ def allowing(addresses: Iterable[str]) -> Iterator[None]:
 
 
 def allowed() -> frozenset[str]:
-    """Return the programs that are allowed now."""
+    """Return the addresses of the programs that are allowed now."""
     return _ALLOWED.get()
 
 
 def may_start(address: str) -> bool:
-    """Return whether a driver may be created: it is an installed package, or a program with the user's consent."""
+    """Return whether a driver may be created: it is an installed package, or a program to which the user has
+    consented.
+    """
     return not _is_program(address) or _program(address) in _ALLOWED.get()
 
 
 def ask(address: str) -> None:
-    """Refuse a program that is not allowed.
+    """Raise unless the driver may be created.
 
     Raises:
-        DriverError: the program is not allowed; the message explains how to allow it.
+        DriverError: the driver is a program that is not allowed; the message explains how to allow it.
     """
     if not may_start(address):
         raise DriverError(
@@ -75,7 +81,7 @@ def ask(address: str) -> None:
 
 
 def without_parent(address: str) -> str:
-    """Return the note on a mutant's trace whose parent is not shown because running it would start a program."""
+    """Return the note that a mutant's parent is not shown, because running the parent would start a program."""
     return (
         "its parent is not shown: running it would start the program that the trace names as its driver; "
         f"--driver {shlex.quote(address)} allows it"
@@ -125,7 +131,7 @@ def _lies_in(file: Path, folder: Path) -> bool:
 
 
 def _granted() -> tuple[Path, ...]:
-    """Return the folders, with links resolved, whose files may name programs."""
+    """Return the folders whose files may name programs, with links resolved."""
     import tomllib
 
     file = configuration()
@@ -136,9 +142,11 @@ def _granted() -> tuple[Path, ...]:
     except (OSError, ValueError) as err:
         raise DriverError(f"the configuration {file} cannot be read: {err}") from err
     if not isinstance(entries, list) or not all(isinstance(folder, str) for folder in entries):
-        raise DriverError(f'the configuration {file}: {KEY} is a list of folders: {KEY} = ["/home/me/scenarios"]')
+        raise DriverError(f'the configuration {file}: {KEY} must be a list of folders: {KEY} = ["/home/me/scenarios"]')
     folders = [Path(folder).expanduser() for folder in entries]
     for folder in folders:
         if not folder.is_absolute():
-            raise DriverError(f"the configuration {file}: {KEY} needs absolute paths, and {str(folder)!r} is not one")
+            raise DriverError(
+                f"the configuration {file}: {KEY} must have absolute paths; {str(folder)!r} is not absolute"
+            )
     return tuple(folder.resolve() for folder in folders)

@@ -1,5 +1,7 @@
-"""Ideal parts of the bundled drivers: memories that take the truth in the place of tracking and of seen signals, and
-the others' true futures for their predictions."""
+"""Ideal parts of the bundled drivers.
+
+Memories take the truth in the place of tracking and of seen signals; predictions take the others' true futures.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,11 @@ from foresee_dsl.kernels.arrays import Records
 
 _KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
 NO_FUTURES: FloatArray = np.empty((0, 0, 4))
-"""The argument of kernels that predict, without an ideal prediction."""
+"""The futures that are passed to kernels when the prediction is not ideal: none."""
 
 
 class SignalReader(Protocol):
-    """Returns the colours of the signals that a driver knows at a step."""
+    """An object that returns the colours of the signals that a driver knows at a step."""
 
     def update(self, observation: Observation) -> Mapping[str, SignalColour]:
         """Process an observation; return the known colours by signal."""
@@ -34,7 +36,9 @@ class Memory:
     """The memory of a bundled driver.
 
     Attributes:
-        tracker, signals: of the others and of the signals. truth: for an ideal prediction; None without one.
+        tracker: remembers the other road users.
+        signals: remembers the colours of the signals.
+        truth: the truth of the run, for an ideal prediction; None if the prediction is not ideal.
     """
 
     tracker: Tracker
@@ -42,8 +46,10 @@ class Memory:
     truth: Truth | None = None
 
     def futures(self, tracks: Tracks, times_s: FloatArray) -> FloatArray:
-        """Return what the tracked others will do, [A, T, 4] x, y, heading, speed, NaN where it is unknown;
-        `NO_FUTURES` without an ideal prediction."""
+        """Return the future motion of the tracked others, [A, T, 4] x, y, heading, speed, NaN where it is unknown.
+
+        Without an ideal prediction it is `NO_FUTURES`.
+        """
         if self.truth is None:
             return NO_FUTURES
         futures = np.full((len(tracks.numbers), len(times_s), 4), np.nan)
@@ -55,7 +61,7 @@ class Memory:
 
 
 def memory_of(ideal: frozenset[DriverPart], truth: Truth | None) -> Memory:
-    """Return the memory of a driver with these ideal parts; without any, the usual one."""
+    """Return the memory of a driver with these ideal parts; the usual memory without any."""
     if truth is None:
         return Memory(Tracker(), SignalMemory())
     return Memory(
@@ -79,7 +85,7 @@ class TrueSignals:
 
 @dataclass(slots=True)
 class _Perceived:
-    """An object that was perceived: its class and size, and by how much its last position was wrong, m."""
+    """An object that the sensors have reported: its class and size, and by how much its last position was wrong, m."""
 
     number: int
     kind: ActorClass
@@ -96,10 +102,10 @@ class IdealTracker(Tracker):
         super().__init__()
         self._truth = truth
         self._perceived: dict[int, _Perceived] = {}
-        """The objects that were perceived, by their first number."""
+        """The objects that the sensors have reported, by their first track number."""
 
     def update(self, observation: Observation) -> Tracks:
-        """Process an observation, and return all objects that were perceived so far and are present."""
+        """Process an observation; return all objects that the sensors have reported so far and that are present."""
         seen = object_table(observation)
         rows = {number: k for k, number in enumerate(seen.numbers)}
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
@@ -124,7 +130,7 @@ class IdealTracker(Tracker):
 
 
 def _place_before(actor: TrueActor, late_s: float) -> tuple[float, float]:
-    """Return where an actor was a short time ago, m, from its present motion."""
+    """Return where an actor was a short time ago, m, computed from its present motion."""
     back_m = actor.speed_mps * late_s - actor.acceleration_mps2 * late_s**2 / 2
     heading = actor.heading_rad - actor.yaw_rate_rad_s * late_s / 2
     return actor.x - back_m * math.cos(heading), actor.y - back_m * math.sin(heading)

@@ -1,4 +1,4 @@
-"""Keeps values of drivers from one run to the next in one process: weights, a session, a program that stays.
+"""Keeps values of drivers in the process from one run to the next, such as weights, a session, or a program that stays.
 
 A kept value must not change a driver's behaviour. Therefore some of the runs that use a value of an earlier run are
 repeated without kept values, and must give the same trace (`campaign.driving`).
@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 CHECKED_EVERY = 20
-"""Of the runs that use a value of an earlier run, the first and then one in this number are driven twice. Ours: it
-costs a twentieth of the time; a driver with hidden memory nearly always differs in its second run."""
+"""Among the runs that use a value of an earlier run, the first one and then each one after this number is driven twice.
+Ours: that costs a twentieth of the time, and a driver with hidden memory nearly always differs in its second run."""
 
 
 class _Kept:
@@ -34,11 +34,13 @@ _HERE = _Kept()
 
 
 def keep(key: Hashable, make: Callable[[], T]) -> T:
-    """Return the result of `make`, created once in this process: for values that no run changes, such as weights.
+    """Return the result of `make`, which is called only once in this process: for values that no run changes, such as
+    weights.
 
     Args:
         key: key of the value, such as `("my_driver", "weights.pt")`; it must contain everything that the value depends
             on.
+        make: a function that creates the value.
     """
     if key not in _HERE.values:
         _HERE.values[key] = make()
@@ -50,7 +52,7 @@ def keep(key: Hashable, make: Callable[[], T]) -> T:
 
 
 def take(key: Hashable) -> Any:  # noqa: ANN401 - a value of any type
-    """Return, and stop keeping, the value that an earlier run left under a key; None without one."""
+    """Return the value that an earlier run left under a key, and stop keeping it; None if there is none."""
     value = _HERE.values.pop(key, None)
     if value is not None:
         _HERE.taken.add(key)
@@ -58,7 +60,7 @@ def take(key: Hashable) -> Any:  # noqa: ANN401 - a value of any type
 
 
 def leave(key: Hashable, value: object) -> None:
-    """Keep a value for a later run, which gets it with `take`."""
+    """Keep a value under a key for a later run, which gets it with `take`."""
     _HERE.values[key] = value
 
 
@@ -69,7 +71,9 @@ def values() -> tuple[Any, ...]:
 
 @contextmanager
 def one_run() -> Iterator[Callable[[], bool]]:
-    """Record the values that a run uses; yield a function that returns, after the run, whether it must be repeated."""
+    """Record the values that a run uses; yield a function that says, after the run, whether the run must be
+    repeated.
+    """
     _HERE.taken, _HERE.new = set(), set()
 
     def to_be_checked() -> bool:

@@ -1,4 +1,4 @@
-"""The parts of a driver, and what it gets in the place of a part that is replaced by an ideal one.
+"""The parts of a driver, and the truth that a driver gets in the place of a part.
 
 Every driver can be driven with ideal perception (ideal sensors) and with ideal control (the vehicle follows the
 driver's answer without delay). A driver that declares more parts (`WithParts`) is told before each run which of them
@@ -18,25 +18,30 @@ if TYPE_CHECKING:  # consent needs the suffixes alone: a check of a file must no
 
 
 class DriverPart(StrEnum):
-    """A part of a driver that an ideal one can replace, in the order in which a driver runs them."""
+    """A part of a driver that can be replaced by an ideal one; the members are in the order in which a driver uses its
+    parts.
+    """
 
     PERCEPTION = "perception"
-    """Sensors and object list. Ideal: all actors within 80 m, exact, without delay, nothing hidden."""
+    """Sensors and object list. When it is ideal, the driver sees all actors within 80 m exactly, without delay, and
+    nothing hides them."""
     TRACKING = "tracking"
-    """Motion and identity of the perceived objects. Ideal: true heading, speed, acceleration and yaw rate; an object
-    that was perceived once is never lost, and keeps the error of its last perceived position."""
+    """Motion and identity of the perceived objects. When it is ideal, heading, speed, acceleration and yaw rate are the
+    true ones; an object that was perceived once is never lost, and keeps the error of its last perceived position."""
     PREDICTION = "prediction"
-    """What others will do. Ideal: what they then did in the run without the ideal part."""
+    """The future motion of the others. When it is ideal, it is their motion in the run without the ideal part."""
     RULES = "rules"
-    """What applies on the route: right of way, limits, signals, friction. Ideal: as the tool knows it."""
+    """The rules on the route: right of way, limits, signals, friction. When it is ideal, they are those of the
+    simulator."""
     CONTROL = "control"
-    """From the plan to the vehicle. Ideal: the vehicle takes the planned acceleration and wheel angle at once."""
+    """The way from the plan to the vehicle's motion. When it is ideal, the vehicle takes the planned acceleration and
+    wheel angle at once."""
 
 
 ALWAYS = (DriverPart.PERCEPTION, DriverPart.CONTROL)
-"""Parts of every driver, declared or not, because the simulator replaces them."""
+"""The parts that each driver has, declared or not, because the simulator replaces them."""
 IDEAL = "+ideal"
-"""Suffix of the name of a driver with ideal perception; with another part it is followed by `_PART`."""
+"""Suffix of the name of a driver with ideal perception; for another part, `_PART` follows it."""
 _SUFFIXES = re.compile(rf"(?:\{IDEAL}(?:_(?:{'|'.join(part for part in DriverPart)}))?)+$")
 
 
@@ -46,7 +51,7 @@ class TrueActor:
 
     Attributes:
         tracks: its numbers in the object lists so far, the latest last; () if the sensors have not reported it.
-        x, y: centre of the footprint, m; the rest in m, rad, m/s, m/s^2, rad/s.
+        x, y: centre of the footprint, m; the units of the other fields are m, rad, m/s, m/s^2 and rad/s.
     """
 
     tracks: tuple[int, ...]
@@ -62,7 +67,7 @@ class TrueActor:
 
 
 class Truth(Protocol):
-    """What a run knows, at the step for which the driver is asked."""
+    """The true state of a run at the step at which the driver is asked; a driver uses it for its ideal parts."""
 
     def actors(self) -> Sequence[TrueActor]:
         """Return the true states of all other actors that are present."""
@@ -73,7 +78,7 @@ class Truth(Protocol):
         ...
 
     def future(self, track: int, ahead_s: FloatArray) -> FloatArray | None:
-        """Return where an object will be, [T, 4] x, y, heading, speed at these times from now; None if it is unknown.
+        """Return where an object will be at these times from now, [T, 4] x, y, heading, speed; None if that is unknown.
 
         Args:
             track: its number in an object list. ahead_s: [T] times from now, s.
@@ -83,8 +88,9 @@ class Truth(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PlannedMotion:
-    """What a driver plans at this step, before its control: acceleration, and angle of the front wheels (left
-    positive)."""
+    """The motion that a driver plans at this step: acceleration, m/s^2, and angle of the front wheels, rad (left
+    positive).
+    """
 
     acceleration_mps2: float
     steer_rad: float
@@ -92,7 +98,7 @@ class PlannedMotion:
 
 @runtime_checkable
 class WithParts(Protocol):
-    """A driver that declares its parts, so that each can be replaced by an ideal one; optional.
+    """A driver that declares its parts, so that each can be replaced by an ideal one. Implementing it is optional.
 
     Attributes:
         parts: those of perception, tracking, prediction, rules and control that it can replace.
@@ -101,17 +107,19 @@ class WithParts(Protocol):
     parts: Sequence[DriverPart]
 
     def idealise(self, ideal: frozenset[DriverPart], truth: Truth) -> None:
-        """Take the truth in the place of these parts from the next `reset` on; called before it, only if there are
-        any."""
+        """Take the truth in the place of these parts from the next `reset` on.
+
+        It is called before the reset, and only if there are ideal parts.
+        """
         ...
 
 
 @runtime_checkable
 class Planning(Protocol):
-    """A driver whose planned motion is known beside its answer, for ideal control; optional."""
+    """A driver that reports its planned motion besides its answer, for ideal control. Implementing it is optional."""
 
     def planned(self) -> PlannedMotion | None:
-        """Return what the last `step` planned; None: only its answer is known."""
+        """Return the motion that the last `step` planned; None if there is only its answer."""
         ...
 
 
@@ -136,6 +144,6 @@ def with_ideal(address: str, parts: Iterable[DriverPart]) -> str:
 
 
 def parts_of(driver: object) -> tuple[DriverPart, ...]:
-    """Return the parts of a driver that can be replaced, in their order."""
+    """Return the parts of a driver that can be replaced by ideal ones, in the order of `DriverPart`."""
     declared = frozenset(map(DriverPart, driver.parts)) if isinstance(driver, WithParts) else frozenset()
     return tuple(part for part in DriverPart if part in declared or part in ALWAYS)

@@ -1,7 +1,7 @@
-"""Detects forbidden changes of a driver to its process after a run, undoes them, and describes them in words.
+"""Detects changes that a driver must not make to its process, undoes them after the run, and describes them in words.
 
 A driver runs in the same process as the simulator. If it changes the working folder, clears the environment or replaces
-a function of numpy, the tool's next steps in this process would break, and the next run would begin differently.
+a function of numpy, the tool's next steps in this process would fail, and the next run would begin differently.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ import numpy as np
 _MODULES: tuple[ModuleType, ...] = (builtins, math, os, random, time, np, np.random)
 """Modules whose functions are checked: the simulator, the forecaster and the mutator call them. Ours."""
 _NAMED = 5
-"""Maximum number of names in a sentence. Ours."""
+"""Maximum number of names that a sentence lists. Ours."""
 _SEEDS = 2**32
-"""Upper bound of the seeds of numpy's old global generator."""
+"""Number of possible seeds of numpy's old global generator; larger seeds are refused by numpy."""
 
 
 @dataclass(frozen=True)
@@ -43,18 +43,18 @@ class ProcessState:
 
     @classmethod
     def now(cls) -> ProcessState:
-        """Return the current state."""
+        """Return the current state of the process."""
         return cls(
             _folder(), dict(os.environ), tuple(map(_public, _MODULES)), dict(np.geterr()), tuple(warnings.filters),
             locale.setlocale(locale.LC_NUMERIC),
         )  # fmt: skip
 
     def put_back(self) -> tuple[str, ...]:
-        """Undo the changes since then, and return them as phrases that follow "the driver"."""
+        """Undo the changes since this state was taken, and return them as phrases that follow "the driver"."""
         return tuple(
             phrase
             for phrase in (
-                self._put_back_names(),  # first: the next methods call these functions
+                self._put_back_names(),  # first of all, because the next methods call these functions
                 self._put_back_folder(),
                 self._put_back_environment(),
                 self._put_back_errors(),
@@ -94,19 +94,22 @@ class ProcessState:
         if now == self.errors:
             return ""
         np.seterr(**self.errors)
-        return "changed what numpy does about floating-point errors (numpy.seterr)"
+        return "changed how numpy handles floating-point errors (numpy.seterr)"
 
     def _put_back_filters(self) -> str:
-        """Remove filters that turn warnings into errors, which break code that only warns; others are harmless."""
+        """Remove filters that turn warnings into errors, because code that only warns would then raise; other filters
+        are harmless.
+        """
         added = [entry for entry in warnings.filters if entry[0] == "error" and entry not in self.filters]
         for entry in added:
             warnings.filters.remove(entry)  # type: ignore[attr-defined]  # a list
         return "turned warnings into errors" if added else ""
 
     def _put_back_locale(self) -> str:
-        """Restore the locale of numbers: in some locales C libraries, such as SUMO, read and write `0,5`.
+        """Restore the locale of numbers. In some locales C libraries, such as SUMO's, read and write `0,5` instead of
+        `0.5`.
 
-        SUMO itself sets other parts of the locale.
+        SUMO 1.28 itself sets other parts of the locale, which stay.
         """
         now = locale.setlocale(locale.LC_NUMERIC)
         if now == self.locale:
@@ -117,7 +120,7 @@ class ProcessState:
 
 _GONE = object()
 _changes: list[str] = []
-"""Changes of drivers to this process so far."""
+"""The changes that drivers have made to this process so far."""
 
 
 def changes_here() -> tuple[str, ...]:
@@ -127,10 +130,10 @@ def changes_here() -> tuple[str, ...]:
 
 @contextlib.contextmanager
 def put_back(seed: int) -> Iterator[list[str]]:
-    """Undo a driver's changes to the process at the end of this block; yield a list that then contains them.
+    """Undo a driver's changes to the process at the end of this block; yield a list that contains them after the block.
 
-    Python's and numpy's global random generators begin with the run's seed, so that a driver that uses them drives the
-    same, regardless of earlier runs in this process; their states are restored too.
+    Python's and numpy's global random generators begin with the run's seed, so that a driver that uses them drives in
+    the same way whatever was run before in this process; their states are restored, too.
     """
     before = ProcessState.now()
     python, numpy = random.getstate(), np.random.get_state()
@@ -164,6 +167,6 @@ def _public(module: ModuleType) -> dict[str, Any]:
 
 
 def _named(names: list[str], what: str) -> str:
-    """Return `3 environment variables (HOME, PATH, USER)`."""
+    """Return names as text: `3 environment variables (HOME, PATH, USER)`."""
     listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
     return f"{len(names)} {what}{'' if len(names) == 1 else 's'} ({listed})"

@@ -21,11 +21,12 @@ ActorClass = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "ped
 
 @dataclass(frozen=True, slots=True)
 class VehicleLimits:
-    """The limits of a vehicle (from its catalogue entry and the weather).
+    """The limits of a vehicle, from its catalogue entry and the weather.
 
     Attributes:
-        steer_max_rad: largest front-wheel angle. steer_rate_rad_s: largest rate of change of this angle.
-        friction: tyre-road coefficient in this weather; limits |acceleration| and v * yaw rate to friction * 9.81.
+        steer_max_rad: largest front-wheel angle.
+        steer_rate_rad_s: largest rate of change of this angle.
+        friction: tyre-road coefficient in this weather; it limits |acceleration| and v * yaw rate to friction * 9.81.
         front_overhang_m: distance from the front axle to the front bumper.
     """
 
@@ -67,9 +68,11 @@ class Foe:
 
 @dataclass(frozen=True)
 class JunctionPassage:
-    """One junction on the route: the lengths along the route of its stop line and of its end, and its foes.
+    """One junction on the route: the lengths along the route of its stop line and of its end, and the streams that it
+    meets there.
 
-    `signal` is the key into `Observation.signals`; None: no signal. `turn`: "straight", "left", "right", "back".
+    `signal` is the key into `Observation.signals`; None: the junction has no signal. `turn`: "straight", "left",
+    "right", "back".
     """
 
     junction: str
@@ -140,8 +143,11 @@ class Window(NamedTuple):
 
 
 class Views(Protocol):
-    """Pictures of one step for learned drivers, drawn on request by packages that add views (docs/reference/rasters.md
-    has the layout); each raises a `ForeseeError` if no installed package draws it."""
+    """Pictures of one step for learned drivers, drawn when the driver asks for them, by packages that add views.
+
+    docs/reference/rasters.md describes their layout. Each method raises a `ForeseeError` if no installed package draws
+    the picture.
+    """
 
     def birds_eye(self, window: Window | None = None) -> NDArray[np.uint8]:
         """Return the map, the measured actors and the signals from above, [channels, rows, columns]; or a part of
@@ -175,12 +181,14 @@ class Observation:
     actors: tuple[SeenActor, ...]
     signals: dict[str, SignalColour]
     measured_s: float | None = None
-    views: Views | None = field(default=None, compare=False)  # drawn from the rest
+    views: Views | None = field(default=None, compare=False)  # drawn when they are read, from the other fields
 
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """A driver's answer. steer: -1 (right) to 1 (left) of the largest angle; throttle, brake: 0 to 1 of the maximum."""
+    """A driver's answer: steer from -1 (right) to 1 (left) as a share of the largest angle; throttle and brake from 0
+    to 1.
+    """
 
     steer: float
     throttle: float
@@ -189,7 +197,7 @@ class Control:
 
 @runtime_checkable
 class Driver(Protocol):
-    """The software under test. `name` and `version` go into every result."""
+    """The software under test. Its `name` and `version` are part of every result."""
 
     name: str
     version: str
@@ -199,7 +207,7 @@ class Driver(Protocol):
         ...
 
     def step(self, observation: Observation) -> Control:
-        """Answer one observation (20 a second)."""
+        """Answer one observation; called 20 times per simulated second."""
         ...
 
 
@@ -225,31 +233,42 @@ class Reason:
 
 @runtime_checkable
 class Explaining(Protocol):
-    """A driver that can explain its answers; optional. A run does not call it, `foresee show --step` does."""
+    """A driver that can explain its answers.
+
+    Implementing it is optional; a run does not call it, `foresee show --step` does.
+    """
 
     def explain(self) -> Sequence[Reason]:
-        """Return the reasons for the last answer of `step`, the strongest first; it must change no later answer."""
+        """Return the reasons for the last answer of `step`, the strongest first.
+
+        The call must not change any later answer.
+        """
         ...
 
 
 @runtime_checkable
 class OwnDeadline(Protocol):
-    """A driver that waits for something else, such as a process, and has its own deadline for each answer."""
+    """A driver that waits for something else, such as another process, and therefore has its own deadline for each
+    answer.
+    """
 
     step_deadline_s: float
 
 
 @runtime_checkable
 class WatchesFirst(Protocol):
-    """A driver with a memory, which must watch for `handover_s` (s) before it drives a clip as in the parent's run; at
-    a clip's beginning it watches while the ego follows its recorded states."""
+    """A driver with a memory. Before it drives a clip, it must watch for `handover_s` (s) to drive as in the parent's
+    run.
+
+    At the clip's beginning the driver watches while the ego follows its recorded states.
+    """
 
     handover_s: float
 
 
 @runtime_checkable
 class Closing(Protocol):
-    """A driver with its own resource, such as a process, which it must release after each run."""
+    """A driver with a resource, such as a process, which it must release after each run."""
 
     def close(self) -> None:
         """Release the resource; called once after each run, regardless of its outcome."""

@@ -1,8 +1,8 @@
 """Finds and loads the installed drivers, the entry points of the group `foresee_dsl.drivers`.
 
-A driver's address is its name (`pdm`); a driver that takes an argument has it after a colon
-(`external:python3 my_driver.py`). A name with `+ideal` (`pdm+ideal`) is the same driver with ideal sensors, one with
-`+ideal_tracking` with an ideal tracking, and so for each part (`drivers.parts`).
+A driver's address is its name (`pdm`); a driver that takes an argument has it after a colon (`external:python3
+my_driver.py`). A name with `+ideal` (`pdm+ideal`) is the same driver with ideal sensors, one with `+ideal_tracking`
+with ideal tracking, and so on for each part (`drivers.parts`).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from foresee_dsl.plugins import PluginGroup, package_of
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError, DriverUnavailableError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
 _OURS = "foresee_"
-"""Prefix of the modules of this package and of the plug-ins beside it: their drivers are cheap to import, and may have
-a class method `check` that raises a `DriverError`."""
+"""Prefix of the modules of this package and of the plug-ins in its repository. Their drivers are cheap to import, and
+may have a class method `check` that raises a `DriverError`."""
 REFERENCES = ("idm", "frenetix", "pdm")
-"""Names of the bundled planners, with which a driver's failures are driven again. Ours."""
+"""The bundled planners that drive the failures of another driver again, for comparison. Ours."""
 _NOT_IN_TEXTS = ('"', "\n", "\r")
 """Characters that a text of the language cannot contain."""
 _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
@@ -40,7 +40,8 @@ class DriverInfo:
     """An entry of the list of drivers.
 
     Attributes:
-        version: empty if the driver cannot be created; `doc` then has the reason. unavailable: whether it only needs a
+        version: empty if the driver cannot be created; then `doc` states the reason. unavailable: whether it only needs
+            a
             package or weights that are not installed.
     """
 
@@ -56,10 +57,10 @@ class DriverInfo:
 
 
 def reference_drivers(address: str) -> tuple[str, ...]:
-    """Return the default drivers with which a driver's failures are driven again.
+    """Return the drivers that by default drive a driver's failures again.
 
-    These are the installed drivers of `REFERENCES` except the driver itself, and the driver with ideal sensors: if the
-    latter passes, the perception failed, not the decision.
+    These are the installed drivers of `REFERENCES` except the driver itself, and the same driver with ideal sensors: if
+    that one passes, the perception failed, not the decision.
     """
     others = (name for name in REFERENCES if name != name_in(address) and _can_be_made(name))
     return (*others, *(() if sees_all(address) else (with_ideal_sensors(address),)))
@@ -79,7 +80,7 @@ def driver_names() -> tuple[str, ...]:
 
 
 def name_in(address: str) -> str:
-    """Return the name of the driver in an address."""
+    """Return the name of the driver in an address, without its argument."""
     return without_ideal(address.partition(":")[0])
 
 
@@ -125,7 +126,7 @@ def load_driver(address: str) -> Driver:
         factory = entry.load()
         from_text = getattr(factory, "from_argument", None)
         if colon and from_text is None:
-            raise DriverError(f"driver {name!r} takes nothing after its name, so {address!r} means no driver")
+            raise DriverError(f"driver {name!r} takes no argument; write {name!r} instead of {address!r}")
         driver = factory() if from_text is None else from_text(argument)
     if not isinstance(driver, Driver) or not all(isinstance(v, str) for v in (driver.name, driver.version)):
         raise DriverError(
@@ -134,7 +135,7 @@ def load_driver(address: str) -> Driver:
         )
     if missing := ideal_parts(address) - frozenset(parts_of(driver)):
         raise DriverError(
-            f"driver {name!r} does not declare its {', '.join(sorted(missing))}, so that it cannot be driven as "
+            f"driver {name!r} does not declare its {', '.join(sorted(missing))}, so it cannot be driven as "
             f"{address!r}: it has {', '.join(parts_of(driver))} (docs/reference/drivers.md#parts)"
         )
     odd = next((text for text in (driver.name, driver.version) if any(sign in text for sign in _NOT_IN_TEXTS)), None)
@@ -147,7 +148,7 @@ def load_driver(address: str) -> Driver:
 
 
 def handover_of(driver: Driver, longest_s: float) -> float:
-    """Return the time that a driver needs to watch at a clip's beginning, s, at most `longest_s`; usually 0.
+    """Return how long a driver needs to watch at a clip's beginning, s, at most `longest_s`; usually 0.
 
     Raises:
         DriverError: the driver's value is negative or not a number.
@@ -178,7 +179,7 @@ def recorded_driver(address: str, version: str) -> str:
 
 
 def recorded_address(recorded: str) -> str:
-    """Return the address in a text of `recorded_driver`, with which the same driver can be loaded."""
+    """Return the address in a text of `recorded_driver`; it loads the same driver."""
     match = _ADDRESS.fullmatch(recorded.strip())
     return unquote(match["address"]) if match else (recorded.split() or [""])[0]
 
@@ -205,9 +206,11 @@ def _describe(name: str) -> DriverInfo:
 
 
 def _made_from_text(entry: EntryPoint) -> Any:  # noqa: ANN401  a driver's class, or None
-    """Return the class of a driver that takes an argument, which cannot be created for a description; else None."""
+    """Return the class of a driver that takes an argument and so cannot be created for a description; None for other
+    drivers.
+    """
     try:
         kind = entry.load()
-    except Exception:  # load_driver reports the reason
+    except Exception:  # `load_driver` reports the reason
         return None
     return kind if hasattr(kind, "from_argument") else None

@@ -1,8 +1,8 @@
 """The memory of drivers: smooth tracks of the others from noisy and late object lists, and the colours of signals.
 
-Each object has its own filter with the gains of a Kalman filter: heading with yaw rate, speed with acceleration, and
+Each object has a filter with the gains of a Kalman filter for heading and yaw rate, for speed and acceleration, and for
 the position, which these advance. The gains come from tables, by the number of measurements of the object: no
-covariance is stored. All objects are advanced together, in arrays. Tracks are a function of the observations since
+covariance is stored. All objects are advanced together, in arrays. Tracks depend only on the observations since
 `reset`.
 """
 
@@ -22,10 +22,10 @@ from foresee_dsl.kernels import tracks as kernel
 from foresee_dsl.kernels.arrays import Records
 
 COAST_S = 1.5
-"""Time for which an object that is not seen any more is predicted, s. Ours: within 1 s the sensors give it its old
-number; after that a new number may be the same object."""
+"""Time for which an object that is no longer seen is predicted, s. Ours: within 1 s the sensors give it its old number
+again; later a new number may be the same object."""
 STANDING_COAST_S = 4.0
-"""Time for which an object that stood when it was last seen is kept, such as a parked car behind a passing lorry, s.
+"""Time for which an object that stood when it was last seen is kept, s, such as a parked car behind a passing lorry.
 Ours."""
 JERK_MPS3 = 4.0
 """Standard deviation of the rate of change of accelerations, m/s^3. Ours: of 2, 3, 4 and 8 it has the least error over
@@ -45,13 +45,13 @@ STANDING_TURN_RAD_S = 0.03
 WALKER_TURN_RAD_S = 0.7
 """Turning rate of pedestrians, rad/s. Ours: a quick turn by more than 60 degrees makes the filter start again."""
 SIZE_GAIN = 0.05
-"""Least gain of sizes. Ours: sizes do not change, but the visible part of an object may."""
+"""Smallest gain with which sizes are corrected. Ours: sizes do not change, but the visible part of an object may."""
 SAME_PLACE_M = 1.5
 SAME_PLACE_MPS = 1.5
-"""Distance (m), plus speed (m/s) times the time it was lost, within which a new number is the lost object predicted
-there. Ours: less than the distance between two cars in a queue."""
+"""An object with a new number is a lost one if it is within 1.5 m, plus 1.5 m/s times the lost time, of where the lost
+one is predicted, m and m/s. Ours: less than the distance between two cars in a queue."""
 SAME_SIZE = 0.3
-"""Difference of lengths below which it is the same object, as a share. Ours: ten times the noise."""
+"""Two objects with lengths that differ by less than this share may be the same object. Ours: ten times the noise."""
 FADES_S = 0.5
 """Time constant with which acceleration and yaw rate of unseen objects decay, s. Ours."""
 
@@ -78,7 +78,7 @@ class ObjectTable(NamedTuple):
 
 
 def object_table(observation: Observation) -> ObjectTable:
-    """Return the object list of an observation as arrays, which the simulator's observations provide directly."""
+    """Return the object list of an observation as arrays; the simulator's observations provide them directly."""
     own: Callable[[], ObjectTable | None] | None = getattr(observation, "object_table", None)
     if own is not None and (table := own()) is not None:
         return table
@@ -89,7 +89,7 @@ def object_table(observation: Observation) -> ObjectTable:
 
 
 class Tracks(NamedTuple):
-    """The tracked others at the current time; every array is [A].
+    """The tracked road users at the current time; every array is [A].
 
     Attributes:
         table: [A] `foresee_dsl.kernels.tracks.Track`s. numbers: their numbers in the object list. kinds: their classes.
@@ -154,7 +154,7 @@ class Tracker:
         self._some_lost = len(rows) < len(self._numbers)
         if not self._numbers:
             return self._present(time_s, measured_s)
-        # The common case, without new objects, is one call.
+        # The usual case, a list without new objects, takes one call of a kernel.
         self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
         which, gains = np.array(rows, dtype=np.int64), _gains(round(passed_s, 3))
         table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
@@ -185,7 +185,7 @@ class Tracker:
         return self._present(time_s, measured_s)
 
     def _begin(self, seen: ObjectTable, rows: list[int], measured_s: float) -> list[int]:
-        """Assign a row to each new number: that of an object that was lost at its place, else a new row."""
+        """Assign a row to each new number: the row of an object that was lost at this place, or else a new row."""
         taken, fresh = set(rows), []
         for k, number in enumerate(seen.numbers):
             if rows[k] >= 0:
@@ -205,7 +205,7 @@ class Tracker:
             more = np.zeros((len(fresh), 8))
             more[:, : kernel.MEASURED] = seen.measured[fresh, : kernel.MEASURED]
             self._state = np.concatenate([self._state, more])
-            # np.concatenate would create a new dtype object each time, which numba (0.68.1) would analyse again.
+            # np.concatenate would create a new dtype object each time, which numba 0.68.1 would analyse again.
             sightings = np.empty(len(self._numbers), kernel.SIGHTING)
             sightings[: -len(fresh)] = self._sightings
             sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen.kinds[k], kernel.OTHER)) for k in fresh]
@@ -214,7 +214,9 @@ class Tracker:
         return rows
 
     def _lost_there(self, seen: ObjectTable, new: int, taken: set[int], measured_s: float) -> int:
-        """Return the row of the nearest lost object with the same class and about the same size as a new one, or -1."""
+        """Return the row of the nearest lost object with the same class and about the same size as a new object; -1
+        without one.
+        """
         best, nearest, kind = -1, math.inf, seen.kinds[new]
         new_x, new_y, new_length = seen.measured[new, [kernel.X, kernel.Y, kernel.LENGTH]].tolist()
         for k in range(len(self._state)):
@@ -245,7 +247,9 @@ class SignalMemory:
         self._colours: dict[str, tuple[float, SignalColour]] = {}
 
     def update(self, observation: Observation) -> Mapping[str, SignalColour]:
-        """Process an observation; return the colours, by signal, that are seen or still remembered."""
+        """Process an observation; return the colours, by signal, that are seen now or were seen at most `COLOUR_KEPT_S`
+        ago.
+        """
         now_s, seen, colours = observation.time_s, observation.signals, self._colours
         for signal, colour in seen.items():
             colours[signal] = now_s, colour
@@ -259,7 +263,8 @@ class SignalMemory:
 def _gains(dt: float) -> FloatArray:
     """Return the gains of each row of the state for measurements `dt` (s) apart, [row, mode, bins, count].
 
-    `count`: number of earlier measurements of the object. A rate is corrected by the measurement of its value.
+    `count`: number of earlier measurements of the object. A rate, which is not measured, is corrected by the
+    measurement of its value.
     """
     table = np.empty((8, 3, kernel.BINS, kernel.SETTLED))
     pace = _pair_gains(kernel.SPEED_NOISE_MPS, 0.0, START_ACCELERATION_MPS2, JERK_MPS3 * dt, dt)
@@ -285,7 +290,7 @@ def _pair_gains(noise: float, drift: float, start_rate: float, rate_change: floa
         noise: standard deviation of a measurement of the value. drift: additional drift of the value in a step.
         start_rate: standard deviation of the rate at the beginning. rate_change: of its change in a step. dt: step, s.
     """
-    value, both, rate = noise * noise, 0.0, start_rate * start_rate  # after the first measurement
+    value, both, rate = noise * noise, 0.0, start_rate * start_rate  # the value after the first measurement
     gains = [(1.0, 0.0)]
     for _ in range(kernel.SETTLED - 1):
         value += 2 * dt * both + dt * dt * rate + drift * drift + (rate_change * dt / 2) ** 2

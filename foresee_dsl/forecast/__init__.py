@@ -1,1 +1,4 @@
-"""Where could a run that passed have failed? One protocol, many rankers; they see traces, never the world."""
+"""Finds moments of a run that passed at which it could have failed.
+
+All rankers have one protocol, and see only traces.
+"""

@@ -18,7 +18,7 @@ _REACHED_M = 2.0
 
 @dataclass(frozen=True)
 class ProximityRanker:
-    """Ranks by step 1a only: every close encounter, in order of appearance (paper, section 4.3.2)."""
+    """Ranks by step 1a only: each close encounter, in order of appearance (paper, section 4.3.2)."""
 
     settings: ForeseeSettings = field(default_factory=ForeseeSettings)
     name: str = "proximity"

@@ -24,8 +24,8 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _GROUPS: tuple[Group, ...] = ("critical crossing", "crossing", "critical")
-"""Ours (the paper prints no order): an actor that crosses close by is nearer to a collision than one that crosses
-elsewhere, and both are nearer than one that stays beside the ego's path."""
+"""The groups of actors, the riskiest first. Ours (the paper prints no order): an actor that crosses close by is nearer
+to a collision than one that crosses elsewhere, and both are nearer than one that stays beside the ego's path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,9 @@ def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float
     appearance.
 
     Encounters in the first `before_s` seconds are left out, as the paper does for its exhaustive search (section
-    4.4.3): no clip of full length can begin before the run. Where the two stay about as close until later (both stand,
-    or one follows the other), the closest moment that is late enough counts."""
+    4.4.3): no clip of full length can begin before the run. If the two stay about as close for longer (both stand, or
+    one follows the other), the encounter is the closest moment that is late enough.
+    """
     earliest = math.ceil(before_s / STEP_S - 1e-9)
     radii = [settings.radius_m(info.kind) for info in trace.actors]
     actors = [actor for actor, radius in enumerate(radii) if actor > 0 and radius > 0]
@@ -67,11 +68,11 @@ class _PerturbedEgo:
     trace: Trace
     settings: ForeseeSettings
     errors: NDArray[np.float64]
-    """[N, 2], -1 to 1: errors of speed and yaw rate, as shares of the bounds."""
+    """Errors of speed and yaw rate of each perturbed trajectory, as shares of the bounds, [N, 2] from -1 to 1."""
 
     @cached_property
     def path(self) -> NDArray[np.float64]:
-        """The recorded path, thinned."""
+        """Return the ego's recorded path with fewer points."""
         return thinned_path(self.trace.states[:, 0, [X, Y]], self.settings.path_step_m)
 
     def perturbed(self, first: int, last: int, horizon: int) -> NDArray[np.float64]:
@@ -84,7 +85,8 @@ class _PerturbedEgo:
         recorded = self.trace.states[first : last + 1, 0]
         span_s = max(horizon, 1) * STEP_S
         driven_m = float(np.nansum(recorded[:horizon, SPEED])) * STEP_S
-        # A constant yaw-rate error e turns the path by e t: after t seconds and d metres it is e t d / 2 to the side.
+        # A constant yaw-rate error e turns the path by e t after t seconds; after d metres the deviation to the side is
+        # e t d / 2.
         yaw_bound = s.heading_error_rad / span_s
         if driven_m > 0:
             yaw_bound = min(yaw_bound, 2 * s.lateral_error_m / (driven_m * span_s))
@@ -180,15 +182,17 @@ def _distance_to_path(ego: _PerturbedEgo, encounter: CloseEncounter, before_s: f
 
 
 def _order(trace: Trace, point: RiskyPoint) -> tuple[int, bool, float, float, int, str]:
-    """Return the sort key of step 1d; trajectory distances are rounded to 0.1 m (ours), as thinning changes smaller
-    ones."""
+    """Return the sort key of step 1d.
+
+    Trajectory distances are rounded to 0.1 m (ours), because thinning the path changes smaller differences.
+    """
     pedestrian = trace.actors[trace.index(point.actor)].kind in PEDESTRIAN_KINDS
     near_m = round(point.trajectory_distance_m, 1)
     return _GROUPS.index(point.group), not pedestrian, near_m, point.distance_m, point.frame, point.actor
 
 
 def _best_per_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[RiskyPoint], list[RiskyPoint]]:
-    """Return every actor's best point, and its further points without repetitions of one encounter."""
+    """Return the best point of every actor, and its further points without those that repeat an encounter."""
     firsts: list[RiskyPoint] = []
     others: list[RiskyPoint] = []
     times: dict[str, list[float]] = {}
@@ -203,7 +207,8 @@ def _best_per_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[Ri
 
 def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: float) -> RiskyPoint:
     info = trace.actors[encounter.actor]
-    # One unit per group, half a unit for a pedestrian, and less than that for distance: the same order as `_order`.
+    # One unit per group, half a unit for a pedestrian, and less than that for the distance: that gives the same order
+    # as `_order`.
     score = len(_GROUPS) - _GROUPS.index(group) + 0.5 * (info.kind in PEDESTRIAN_KINDS) + 0.49 / (1 + to_path_m)
     return RiskyPoint(
         rank=0,
@@ -219,10 +224,11 @@ def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: flo
 
 
 def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -> str:
-    """Return the clause of the report: `runner passes 1.9 m behind the ego at 17.40 s`.
+    """Return the clause of the report, such as `runner passes 1.9 m behind the ego at 17.40 s`.
 
-    For a crossing actor the clause says `ahead of` or `behind` if that holds, even when the actor is farther to the
-    side."""
+    For a crossing actor the clause says `ahead of` or `behind` if that is so, even if the actor is farther away
+    sideways.
+    """
     state = trace.states[encounter.frame, encounter.actor]
     verb = "passes" if state[SPEED] > STANDS_MPS else "stands"
     place = f"{encounter.distance_m:.1f} m {_side(trace, encounter, crossing=crossing)} the ego"
@@ -230,7 +236,9 @@ def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -
 
 
 def _side(trace: Trace, encounter: CloseEncounter, *, crossing: bool) -> str:
-    """Return on which side of the ego the actor's nearest part is: beyond its front, its rear, or a side."""
+    """Return on which side of the ego the actor's nearest part is: ahead of its front, behind its rear, or
+    beside it.
+    """
     ego, info = trace.states[encounter.frame, 0], trace.actors[0]
     state, other = trace.states[encounter.frame, encounter.actor], trace.actors[encounter.actor]
     dx, dy = state[X] - ego[X], state[Y] - ego[Y]

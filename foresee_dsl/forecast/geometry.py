@@ -1,4 +1,4 @@
-"""Computes distances, minima and paths over whole traces, vectorised or compiled."""
+"""Computes distances, minima and paths over whole traces with numpy or compiled kernels."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ def footprints(trace: Trace, actor: int) -> FloatArray:
 def distances_to_ego(trace: Trace, actor: int, *, within_m: float = math.inf) -> FloatArray:
     """Return the distance between the footprints of the ego and an actor, [T], m.
 
-    Infinite where one of them is absent, and where the distance between centres shows that it exceeds `within_m`; it is
-    not computed there."""
+    It is infinite where one of them is absent, and where the distance between the centres shows already that it exceeds
+    `within_m`.
+    """
     gaps: FloatArray = all_distances_to_ego(trace, [actor], np.array([within_m]))[0]
     return gaps
 
@@ -92,9 +93,9 @@ def _valley_end(distance_m: FloatArray, frame: int, prominence_m: float) -> int:
 
 
 def thinned_path(points: FloatArray, step_m: float) -> FloatArray:
-    """Return a recorded path without absent points and with points at least `step_m` apart, [N, 2].
+    """Return a recorded path without absent points, and with points at least `step_m` apart, [N, 2].
 
-    The last point is kept. For an actor that stood, one point (or none) is returned.
+    The last point is kept. For an actor that stood, the path has one point or none.
     """
     points = np.asarray(points[~np.isnan(points).any(axis=1)], dtype=np.float64)
     if len(points) < 2:
@@ -111,8 +112,10 @@ def thinned_path(points: FloatArray, step_m: float) -> FloatArray:
 
 
 def feet_on_path(points: FloatArray, path: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the distances of points [N, 2] to a polyline [M, 2], M >= 1: [N] m; and whether each foot lies beside it,
-    [N], rather than beyond an end."""
+    """Return the distances of points [N, 2] to a polyline [M, 2], M >= 1: [N] m.
+
+    Also return, [N], whether the nearest point of the line lies beside the point, rather than at an end of the line.
+    """
     if len(path) < 2:
         return np.hypot(*(points - path[0]).T), np.zeros(len(points), dtype=np.bool_)
     gap, share = np.empty(len(points)), np.empty(len(points))

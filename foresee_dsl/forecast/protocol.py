@@ -30,7 +30,7 @@ class RiskyPoint:
             without an actor).
         trajectory_distance_m: distance from the actor to the ego's trajectory, the tie-breaker of step 1d (NaN if
             unknown).
-        score: the ranker's own figure, larger is riskier.
+        score: the ranker's own measure of risk; larger is riskier.
         why: one sentence for the report.
         operator: the mutation operator that the ranker proposes for the actor, or "" for none.
         begins: the frame at which the change begins, and the clip too (or a hand-over earlier); None if the clip's
@@ -120,10 +120,11 @@ class NeedsSurroundings(Protocol):
 
 @dataclass(frozen=True)
 class Mutations:
-    """How the clips around a ranker's points will be mutated.
+    """The settings with which the clips around a ranker's points will be mutated.
 
     Attributes:
-        preset: the name of the preset. models: all models of the test case, by name.
+        preset: the name of the preset.
+        models: all models of the test case, by name.
     """
 
     preset: str
@@ -144,5 +145,5 @@ class Learned(Protocol):
     """A ranker that depends on trained weights; campaign keys contain their hash."""
 
     def weights_hash(self, driver: str) -> str:
-        """Return the hash of the weights that rank the runs of a driver."""
+        """Return the hash of the weights with which the runs of a driver are ranked."""
         ...

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class UnknownRankerError(ForeseeError):
-    """No ranker of that name is installed, or it cannot be loaded."""
+    """Raised if no ranker with that name is installed, or if it cannot be loaded."""
 
 
 RANKERS = PluginGroup("foresee_dsl.rankers", "ranker", UnknownRankerError)

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 VEHICLE_KINDS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
-"""The classes that count as vehicles in the paper's two groups (section 3.2, step 1d), with bicycles and
-motorcycles."""
+"""The classes that count as vehicles in the paper's two groups (section 3.2, step 1d); bicycles and motorcycles are
+among them."""
 PEDESTRIAN_KINDS = frozenset({"pedestrian"})
 """The classes that count as pedestrians. Obstacles are in neither group: without scripted behaviour they are not NPCs
 in the paper's sense (section 2), and no operator could act on them."""
@@ -18,8 +18,8 @@ class ForeseeSettings:
     """Settings of steps 1a to 1d.
 
     Attributes:
-        vehicle_radius_m: th1, step 1a (paper, section 4.4).
-        pedestrian_radius_m: th2, step 1a (paper, section 4.4).
+        vehicle_radius_m: the radius th1 of step 1a (paper, section 4.4).
+        pedestrian_radius_m: the radius th2 of step 1a (paper, section 4.4).
         perturbed_radius_m: the threshold of step 1c (paper, section 4.4).
         limited_distance_m: step 1b's "limited distance" between footprints, up to which a crossing actor is critical.
             Ours: 5 m, about a car's length; the ego covers it in half a second in town.
@@ -30,9 +30,10 @@ class ForeseeSettings:
             of a car (5 m) half a metre of chord is 6 mm off the arc.
         perturbations: N of step 1c. Ours (the paper prints none): the smallest distance over 20 differs by under 2 cm
             from that over 200, as the errors are small against the threshold.
-        horizon_s: how long before the close encounter a perturbed trajectory begins. Ours: 3 s, the shorter of the
+        horizon_s: time before the close encounter at which a perturbed trajectory begins. Ours: 3 s, the shorter of the
             paper's two clip offsets, so that every kind of clip contains the whole roll-out.
-        beyond_s: how long it continues after the encounter. Ours: 1 s, so that the encounter can become closer than it
+        beyond_s: time for which it continues after the encounter. Ours: 1 s, so that the encounter can become closer
+            than it
             was.
         lateral_error_m, longitudinal_error_m, heading_error_rad: largest deviation of a perturbed trajectory at the end
             of the horizon. Reid et al. 2019 (arXiv 1906.01061), passenger vehicle on local roads, which the paper

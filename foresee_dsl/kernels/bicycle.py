@@ -12,7 +12,7 @@ from foresee_dsl.kernels.records import array_of
 THROTTLE_LAG_S = 0.2
 """Time constant of the drivetrain, s. Ours: between an electric motor (0.05-0.1 s) and a petrol engine (0.3-0.5 s)."""
 BRAKE_LAG_S = 0.1
-"""Time constant of the brakes, s. Ours: electro-hydraulic boosters build full pressure in 0.15-0.2 s, about two time
+"""Time constant of the brakes, s. Ours: electro-hydraulic boosters build up full pressure in 0.15-0.2 s, about two time
 constants."""
 STEERABLE_SHARE = 0.3
 """Share of the grip that braking leaves for steering when the wheels are turned. Ours: an anti-lock system keeps the
@@ -32,7 +32,7 @@ class VehicleState(NamedTuple):
 
 
 class BicycleLimits(NamedTuple):
-    """The limits of a vehicle: rad, rad/s, m/s, m/s^2, m.
+    """The limits of a vehicle; the units of the fields are rad, rad/s, m/s, m/s^2 and m.
 
     Attributes:
         rear_axle: distance of the rear axle behind the centre of the footprint. grip: largest acceleration of the
@@ -59,7 +59,7 @@ STATES, LIMITS = array_of(VehicleState), array_of(BicycleLimits)
 def _within_grip(speed: float, acceleration: float, steer: float, dt: float, limits: Record) -> tuple[float, float]:
     """Return the acceleration (m/s^2) and the curvature (1/m) that the tyres can hold together.
 
-    The wheel angle does not change; beyond the grip the vehicle drives a wider curve than the wheels point
+    The wheel angle does not change; beyond the grip the vehicle drives a wider curve than that of its wheels
     (understeer).
     """
     grip, side = limits["grip"], limits["lateral"]
@@ -89,26 +89,26 @@ def step(states: Records, limits_of: Records, wheel: float, throttle: float, bra
     most = limits["steer_rate"] * dt
     steer = state["steer"] + max(-most, min(most, wheel * limits["steer_max"] - state["steer"]))
     state["steer"] = steer
-    # The acceleration of motor and brakes, before the limits of the tyres.
+    # The acceleration that motor and brakes give, before the tyres limit it.
     fade = max(0.0, 1.0 - before / top)
     target = throttle * limits["acceleration"] * fade - brake * limits["braking"]
     lag = BRAKE_LAG_S if brake > 0 else THROTTLE_LAG_S
     wanted = target + (state["acceleration"] - target) * exp(-dt / lag)
     acceleration, curvature = _within_grip(before, wanted, steer, dt, limits)
     speed = before + acceleration * dt
-    if speed <= 0.0:  # it stops within the step; it does not reverse
+    if speed <= 0.0:  # the vehicle stops within the step, and does not reverse
         distance = before * before / (-2.0 * acceleration) if acceleration < 0 else 0.0
         speed = acceleration = 0.0
     else:
         fastest = max(before, top)
-        if acceleration > 0.0 and speed > fastest:  # the drivetrain's lag would exceed the top speed
+        if acceleration > 0.0 and speed > fastest:  # the drivetrain responds late, and would exceed the top speed
             speed, acceleration = fastest, (fastest - before) / dt
         distance = (before + speed) / 2 * dt
     state["speed"], state["acceleration"], state["yaw_rate"] = speed, acceleration, 0.0
-    if distance == 0.0:  # a standing vehicle keeps its exact position, without rounding errors
+    if distance == 0.0:  # a standing vehicle keeps its exact position; computing it again would add rounding errors
         return
     half_turn = distance * curvature / 2
-    # The rear axle moves along an arc; the arc's chord has the mean heading.
+    # The rear axle moves along an arc, whose chord has the mean heading.
     chord = distance * (sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
     mean, after, behind = heading + half_turn, heading + 2 * half_turn, limits["rear_axle"]
     state["x"] += chord * cos(mean) + behind * (cos(after) - cos(heading))

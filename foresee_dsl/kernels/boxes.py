@@ -20,7 +20,7 @@ Bytes = NDArray[np.uint8]
 Flags = NDArray[np.bool_]
 
 WHOLE = 1
-"""State of a square of the network's area that lies wholly on the drivable area."""
+"""Code of a square of the network's area that lies wholly on the drivable area."""
 
 
 class Box(NamedTuple):
@@ -45,12 +45,12 @@ class Mover(NamedTuple):
 
     @property
     def box(self) -> Box:
-        """The footprint without its speed."""
+        """Return the footprint without its speed."""
         return Box(self.x, self.y, self.heading, self.length, self.width)
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Velocity (m/s) east and north."""
+        """Return the velocity (m/s) to the east and to the north."""
         return self.speed * cos(self.heading), self.speed * sin(self.heading)
 
 
@@ -70,7 +70,7 @@ def overlap(a: Box, b: Box) -> bool:
     dx, dy = b.x - a.x, b.y - a.y
     ca, sa, cb, sb = np.cos(a.heading), np.sin(a.heading), np.cos(b.heading), np.sin(b.heading)
     c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
-    # A chain of "<=", so that a NaN gives False.
+    # A chain of "<=", because a comparison with NaN must give False.
     shares: bool = (
         abs(dx * ca + dy * sa) <= (a.length + c * b.length + s * b.width) / 2
         and abs(dy * ca - dx * sa) <= (a.width + s * b.length + c * b.width) / 2
@@ -101,7 +101,7 @@ def apart(a: Box, b: Box) -> float:
     """Return the distance of two boxes, m."""
     if overlap(a, b):
         return 0.0
-    # Two convex shapes that do not overlap are nearest at a corner of one of them.
+    # Two convex shapes that do not overlap are nearest to each other at a corner of one of them.
     return min(_corners_apart(b, a), _corners_apart(a, b))
 
 
@@ -136,7 +136,7 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
         most = within[k] + _reach(sizes[0], sizes[k + 1])
         for t in range(distances.shape[1]):
             dx, dy = poses[k + 1, t, 0] - poses[0, t, 0], poses[k + 1, t, 1] - poses[0, t, 1]
-            near = dx * dx + dy * dy <= most * most  # False for a NaN
+            near = dx * dx + dy * dy <= most * most  # False for NaN
             distances[k, t] = (
                 apart(_posed(poses[0, t], sizes[0]), _posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
             )
@@ -156,7 +156,7 @@ def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius:
         for t in range(paths.shape[1]):
             dx, dy = other[t, 0] - paths[n, t, 0], other[t, 1] - paths[n, t, 1]
             squared = dx * dx + dy * dy
-            # If circles inside the boxes are near enough, so are the boxes; if circles around them are, they may be.
+            # Boxes are near enough if circles inside them are; they cannot be if circles around them are not.
             if squared <= inside * inside:
                 return True
             if squared <= outer * outer and apart(_posed(paths[n, t], sizes[0]), _posed(other[t], sizes[1])) <= radius:
@@ -181,7 +181,7 @@ def _hits(box: Box, poses: FloatArray, sizes: FloatArray) -> IntArray:
     reach = np.hypot(box.length, box.width)
     for k in range(poses.shape[0]):
         dx, dy = poses[k, 0] - box.x, poses[k, 1] - box.y
-        # Compare circles around the boxes first: few actors are this near. The test is False for a NaN.
+        # Circles around the boxes are compared first, because few actors are this near. The test is False for NaN.
         most = (reach + sizes[k, 0] + sizes[k, 1]) / 2
         if dx * dx + dy * dy <= most * most and overlap(box, _posed(poses[k], sizes[k])):
             indices[count] = k
@@ -218,7 +218,7 @@ def all_whole(points: FloatArray, left: float, bottom: float, cell: float, squar
     """Return whether all points ([N, 2] m) lie in squares with the state `WHOLE`; see `drivable_area.Squares`."""
     for k in range(points.shape[0]):
         column, row = np.floor((points[k, 0] - left) / cell), np.floor((points[k, 1] - bottom) / cell)
-        if not (0 <= column < squares.shape[0] and 0 <= row < squares.shape[1]):  # also for a NaN
+        if not (0 <= column < squares.shape[0] and 0 <= row < squares.shape[1]):  # true for NaN, too
             return False
         if squares[int(column), int(row)] != WHOLE:
             return False

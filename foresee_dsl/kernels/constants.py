@@ -5,7 +5,7 @@ from __future__ import annotations
 STEP_S = 0.05
 """Length of a simulation step, s: 20 frames a second, as in the paper (section 4.2)."""
 STANDS_MPS = 0.1
-"""Speed below which an actor stands, m/s: SUMO's threshold for a halting vehicle."""
+"""Speed below which an actor counts as standing, m/s: SUMO's threshold for a halting vehicle."""
 GRAVITY_MPS2 = 9.81
 """Standard gravity, m/s^2, with the digits that the definition of `VehicleLimits` uses."""
 HARDEST_BRAKING_MPS2 = 0.774 * GRAVITY_MPS2

@@ -1,8 +1,9 @@
-"""Criticality measures as formulas: each takes arrays of values at moments, and returns the measure at each of them.
+"""Criticality measures as formulas: each function takes arrays of values at moments, and returns the measure at each
+moment.
 
 Overview of most: Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational Methods in
 Engineering, 2023). Where a formula was not compared with the text of its source, its docstring says so.
-`simulate.results.criticality` applies them to a run.
+`simulate.results.criticality` applies the formulas to a run.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ RSS_LATERAL_MPS2 = 0.2
 RSS_LATERAL_BRAKING_MPS2 = 0.8
 """Least lateral braking after the response, m/s^2."""
 RSS_FLUCTUATION_M = 0.1
-"""Lateral movement that does not count, m."""
+"""Lateral movement that RSS ignores, m."""
 _KMH = 3.6
 _MPH = 3600.0 / 1609.344
 
 
 def time_headway(gap_m: FloatArray, time_s: FloatArray, along_m: FloatArray, frames: IntArray) -> FloatArray:
-    """Return after which time the ego's front is where the rear of the actor ahead is now, s; infinite if never.
+    """Return the time until the ego's front is where the rear of the actor ahead is now, s; infinite if it never is.
 
     The ego is followed as it drove, and from the run's end on at its last speed. Source: Westhofen et al., section on
     THW; it is also CommonRoad-CriMe's definition, which ends at the end of the recorded motion.
@@ -53,7 +54,7 @@ def time_headway(gap_m: FloatArray, time_s: FloatArray, along_m: FloatArray, fra
     step_m, step_s = along_m[after] - along_m[before], time_s[after] - time_s[before]
     with np.errstate(divide="ignore", invalid="ignore"):
         times = time_s[after] + np.where(step_m > 0, (place - along_m[after]) / step_m * step_s, np.inf)
-    # A place at which the ego is already, or beyond the end of a run that ends with a stand.
+    # The ego is at the place already, or the place is beyond the end of a run that ends with a stand.
     times = np.where(gap_m <= 0, time_s[frames], times)
     headway: FloatArray = times - time_s[frames]
     return headway
@@ -86,7 +87,8 @@ def brake_threat_number(required_mps2: FloatArray, possible_mps2: float = HARDES
 
 
 def time_to_brake(ttc_s: FloatArray, closing_mps: FloatArray, braking_mps2: float = HARDEST_BRAKING_MPS2) -> FloatArray:
-    """Return how long the hardest braking can still wait, s; negative: so long ago it should have begun.
+    """Return for how long the hardest braking can still wait, s; a negative time says how long ago it should have
+    begun.
 
     TTC - v / (2 b). NaN if the ego does not close the gap, so that braking does not help. Source: Hillenbrand et al.,
     "A Multilevel Collision Mitigation Approach" (IEEE Transactions on Intelligent Transportation Systems, 2006); the
@@ -96,7 +98,8 @@ def time_to_brake(ttc_s: FloatArray, closing_mps: FloatArray, braking_mps2: floa
 
 
 def time_to_steer(ttc_s: FloatArray, aside_m: FloatArray, lateral_mps2: float = STEERING_MPS2) -> FloatArray:
-    """Return how long the hardest evasion can still wait, s; negative: so long ago it should have begun.
+    """Return for how long the hardest evasion can still wait, s; a negative time says how long ago it should have
+    begun.
 
     TTC - sqrt(2 y / a), y being the shorter way aside to pass the other where both would touch, without regard to the
     road's edge or to others. Source: Hillenbrand et al., as for `time_to_brake`. Not compared with the text.
@@ -105,7 +108,7 @@ def time_to_steer(ttc_s: FloatArray, aside_m: FloatArray, lateral_mps2: float = 
 
 
 def time_to_react(brake_s: FloatArray, steer_s: FloatArray) -> FloatArray:
-    """Return how long a reaction can still wait: the later of time to brake and time to steer, s.
+    """Return for how long a reaction can still wait: the later of time to brake and time to steer, s.
 
     Source: Tamke, Dang and Breuel, "A flexible method for criticality assessment in driver assistance systems" (IEEE
     Intelligent Vehicles Symposium, 2011). Theirs also counts accelerating, which ours does not.

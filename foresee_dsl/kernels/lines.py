@@ -2,8 +2,8 @@
 
 Lanes and routes are arrays of `LineVertex`; recorded paths, which need no lengths, are tables of points. There are two
 searches for the nearest point: on a lane around the last result, and on a recorded path of a thousand segments by
-blocks of segments. Their distances differ in the last bit (one subtracts the foot from the point, the other moves the
-point by the foot); both are kept because the ranking of risky points depends on all bits.
+blocks of segments. Their distances differ in the last bit, because one subtracts the nearest point of the segment and
+the other moves the origin there; both are kept, because the ranking of risky points depends on all bits.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def last_up_to(line: Records, first: int, end: int, s: float) -> int:
 
 @inner
 def share_of_segment(px: float, py: float, dx: float, dy: float) -> float:
-    """Return the position of a point's foot on a segment: 0 at the begin, 1 at the end.
+    """Return where on a segment the nearest point of its line is: 0 at the beginning of the segment, 1 at its end.
 
     `px`, `py`: the point. `dx`, `dy`: the segment's end. Both are relative to the segment's begin.
     """
@@ -101,7 +101,9 @@ def nearest_on_segment(px: float, py: float, dx: float, dy: float) -> tuple[floa
 
 @inner
 def _nearest(x: float, y: float, line: Records, low: int, high: int) -> tuple[int, float]:
-    """Return the segment of low..high (exclusive) nearest to a point, and the foot's share of it."""
+    """Return the segment of low..high (exclusive) nearest to a point, and its nearest point as a share of its
+    length.
+    """
     best, at, share = np.inf, low, 0.0
     for k in range(low, high):
         a, b = line[k], line[k + 1]
@@ -120,7 +122,7 @@ def _foot(x: float, y: float, near_s: float, line: Records, first: int, end: int
         low = min(max(last_up_to(line, first, end, near_s - SEARCH_M), first), last - 1)
         high = min(max(last_up_to(line, first, end, near_s + SEARCH_M) + 1, low + 1), last)
         k, t = _nearest(x, y, line, low, high)
-        # At an end of the window that is not an end of the line, a nearer point may lie beyond.
+        # At an end of the window that is not an end of the line, a nearer point may lie beyond the window.
         is_nearest = not (k == low and t < 0.0 and low > first) and not (k == high - 1 and t > 1.0 and high < last)
     if not is_nearest:
         k, t = _nearest(x, y, line, first, last)
@@ -293,7 +295,7 @@ def feet_on_path(
     best = 0
     for n in range(len(points)):
         x, y = points[n, 0], points[n, 1]
-        # Begin with the nearest segment of the previous point, which is usually near the best one.
+        # The search begins with the nearest segment of the previous point, which is usually near the best one.
         least = _to_segment(x, y, path, best)
         for block in range(len(bounds)):
             if _to_bound(x, y, bounds[block]) > least + _CLEAR_M:

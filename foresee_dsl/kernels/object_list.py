@@ -1,7 +1,7 @@
 """The rows of the object list, as a kernel (see `kernels.compiling`): sight, misses and errors in one call per scan.
 
-All of it is one call: between two scans SUMO evicts our data from the processor's caches, so that a call costs more
-than its computation.
+Everything is computed in one call because SUMO evicts our data from the processor's caches between two scans, so that a
+call costs more than its computation.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ def measured(
         [S, 7] x, y, heading, speed, length, width with errors, and the object's index; the nearest object first.
     """
     settings = settings_of[0]
-    # A named tuple, as numba (0.68.1) would treat one record as a part of the other and warn that this is experimental.
+    # A named tuple is passed, because numba 0.68.1 would treat one record as a part of the other, and would warn that
+    # this is experimental.
     limits = SightLimits(settings["reach"], settings["ahead_share"], settings["least_marks"])
     boxes, seen = find(ego[0, X], ego[0, Y], ego[0, HEADING], states, bodies, walls, limits)
     count = _detected(frame, boxes, seen, bodies, keys, settings)

@@ -25,7 +25,7 @@ STEPS_OUT_M = 1.0
 """Length of path before the road within which SUMO's drivers see a pedestrian who is about to step on it, m. Ours: one
 pace."""
 NO_LANE, OFF_ROAD, UNKNOWN = -1, -2, -3
-"""Values instead of a lane's number: on the road but off all lanes; off the road; not looked up yet."""
+"""Values that stand instead of a lane's number: on the road but not on a lane; off the road; not looked up yet."""
 
 
 class Follower(NamedTuple):
@@ -108,7 +108,7 @@ def _pose(along: float, half: float, line: Records) -> tuple[float, float, float
         rear_x, rear_y, _ = place_at(along - half, line)
         front_x, front_y, _ = place_at(along + half, line)
         dx, dy = front_x - rear_x, front_y - rear_y
-        if np.hypot(dx, dy) > half / 2:  # otherwise the path folds back on itself here
+        if np.hypot(dx, dy) > half / 2:  # a path that folds back on itself here has no such heading
             heading = np.arctan2(dy, dx)
     return x, y, heading - 2 * np.pi * np.round(heading / (2 * np.pi))
 
@@ -128,7 +128,7 @@ def _wrapped(angle: float) -> float:
     if angle > np.pi:
         return angle - 2 * np.pi
     if angle < -np.pi:
-        return -(-angle - 2 * np.pi)  # a zero keeps its sign
+        return -(-angle - 2 * np.pi)  # zero must keep its sign
     return angle
 
 
@@ -141,11 +141,11 @@ def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tupl
     along, before, braking = follower["along"], follower["speed"], follower["braking"]
     pace, stop, half = follower["pace"], follower["stop"], follower["half_length"]
     length = line[line.size - 1]["along"]
-    if bends.size:  # its front reaches a corner before its centre does
+    if bends.size:  # the front of a vehicle reaches a corner before its centre does
         pace = min(pace, speed_at(along + half + before * dt, bends, 0, bends.size))
     speed = max(before - braking * dt, min(pace, before + follower["acceleration"] * dt), 0.0)
     held = False
-    if not along <= stop < length:  # also for a NaN
+    if not along <= stop < length:  # true for NaN, too
         stop = length
     for wait in (stop, length):
         if held:
@@ -153,7 +153,8 @@ def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tupl
         room = wait - along
         speed = min(speed, max(_approach(room, before, braking, dt), before - braking * dt, 0.0))
         if room <= (before + speed) / 2 * dt + 1e-9 and speed <= braking * dt:
-            along, speed, held = wait, 0.0, True  # the last step ends exactly at the stop, at rest
+            # The last step ends exactly at the stop, where the follower is at rest.
+            along, speed, held = wait, 0.0, True
     if not held:
         along = min(along + (before + speed) / 2 * dt, length)
         if along >= length:

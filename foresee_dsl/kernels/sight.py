@@ -25,7 +25,7 @@ MARKS = 5
 _TINY = 1e-12
 """Replaces 0 in a division."""
 _SLACK_M = 1e-6
-"""Slack for rounding errors where many points are tested at once, m."""
+"""Slack for rounding errors when many points are tested at once, m."""
 
 
 class BodyRecord(NamedTuple):
@@ -71,7 +71,9 @@ class _Box(NamedTuple):
     """A footprint relative to the eye, m.
 
     Attributes:
-        gap: distance of its centre from the eye. who: index of its object. radius: of the circle around it.
+        gap: distance of its centre from the eye.
+        who: index of its object.
+        radius: radius of the circle around it.
     """
 
     x: float
@@ -150,12 +152,12 @@ def _screen(px: float, py: float, room_m: float, facing: Records, screens: IntAr
     for k in range(len(facing)):
         wall = facing[k]
         if px * wall["outer_x"] + py * wall["outer_y"] - room_m * wall["outer_m"] > wall["depth"]:
-            continue  # the whole circle is in front of the wall
+            continue  # the whole circle is in front of the wall, so the wall hides none of it
         left = px * wall["from_y"] - py * wall["from_x"]
         right = px * wall["to_y"] - py * wall["to_x"]
         room_left, room_right = room_m * wall["from_m"], room_m * wall["to_m"]
         if (left > room_left and right > room_right) or (left < -room_left and right < -room_right):
-            continue  # both ends of the wall are on one side of the whole circle
+            continue  # both ends of the wall are on the same side of the whole circle
         screens[count] = k
         count += 1
     return count
@@ -167,7 +169,7 @@ def _walled(px: float, py: float, facing: Records, screens: IntArray, count: int
     for n in range(count):
         wall = facing[screens[n]]
         if px * wall["outer_x"] + py * wall["outer_y"] < wall["depth"]:
-            # The wall's ends are on different sides of the line if their cross products have different signs.
+            # The wall's ends are on different sides of the line of sight if their cross products have different signs.
             left = px * wall["from_y"] - py * wall["from_x"]
             right = px * wall["to_y"] - py * wall["to_x"]
             if left * right <= 0.0:
@@ -183,7 +185,7 @@ def _boxes(x: float, y: float, poses: FloatArray, bodies: Records, reach_m: floa
     for k in range(len(poses)):
         dx, dy = poses[k, X] - x, poses[k, Y] - y
         gap = math.sqrt(dx * dx + dy * dy)
-        if not gap <= reach_m:  # also skips absent objects (NaN)
+        if not gap <= reach_m:  # the comparison skips absent objects too, because it is False for NaN
             continue
         box, length, width = boxes[count], bodies[k]["length"], bodies[k]["width"]
         box["x"], box["y"], box["gap"], box["who"] = dx, dy, gap, k
@@ -197,7 +199,10 @@ def _boxes(x: float, y: float, poses: FloatArray, bodies: Records, reach_m: floa
 @inner
 def _cross(px: float, py: float, room_m: float, own: int, boxes: Records, crossed: IntArray) -> int:
     """Fill `crossed` with the indices of the boxes that may hide points within `room_m` of a point; return their
-    number. The box `own`, which contains these points, is left out."""
+    number.
+
+    The box `own`, which contains these points, is left out.
+    """
     gap = max(math.sqrt(px * px + py * py), _TINY)
     way_x, way_y = px / gap, py / gap
     count = 0
@@ -259,13 +264,13 @@ def _shows(own: int, high: float, low: float, least: float, boxes: Records, faci
     box = boxes[own]
     screens = _screen(box["x"], box["y"], box["radius"] + _SLACK_M, facing, numbers)
     clear = 0
-    past_walls = 0  # a bit for each mark
+    past_walls = 0  # one bit for each mark
     for k in range(MARKS):
         px, py = _mark(box, k)
         if not _walled(px, py, facing, numbers, screens):
             past_walls |= 1 << k
             clear += 1
-    if clear < least:  # the other boxes need not be tested
+    if clear < least:  # this box hides the mark, so the other boxes need not be tested
         return False
     count = _cross(box["x"], box["y"], box["radius"], own, boxes, numbers)
     halves = 0

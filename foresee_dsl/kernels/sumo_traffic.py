@@ -17,9 +17,9 @@ SIDEWAYS_MPS = 1.0
 SIDEWAYS_SHARE = 0.25
 """Largest lateral speed as a share of the speed, about 14 deg: a standing vehicle does not slide."""
 JUMP_M = 0.5
-"""Displacement of the front beyond its speed from which SUMO has moved it by a lane change, m."""
+"""A front that moves farther than its speed explains, by at least this, was moved by a lane change in SUMO, m."""
 SLOWEST_TURN_MPS = 0.5
-"""Least speed in the computation of the steering angle from the yaw rate, m/s: at lower speeds the yaw rate is
+"""Lowest speed at which the steering angle is computed from the yaw rate, m/s: at lower speeds the yaw rate is
 noise."""
 
 
@@ -88,11 +88,11 @@ def follow(seen: IntArray, numbers: FloatArray, vehicles: Records, states: Recor
             and x == vehicle["front_x"]
             and y == vehicle["front_y"]
         ):
-            continue  # it stands, and its turn is complete
+            continue  # the vehicle stands, and its turn is complete
         jump = np.hypot(x - vehicle["sumo_x"], y - vehicle["sumo_y"]) > speed * dt + JUMP_M
         sumo_x, sumo_y = x, y
         if jump or vehicle["offset"] != 0.0 or line != 0.0:
-            # Use the lane's heading, not that of SUMO's vehicle, which turns gradually as its rear follows.
+            # The lane's heading is used, not that of SUMO's vehicle, which turns gradually as its rear follows.
             way, first, end = heading, vehicle["lane_begin"], vehicle["lane_end"]
             if end > first:
                 vehicle["heading_s"] = along(x, y, vehicle["heading_s"], lanes, first, end)
@@ -104,7 +104,7 @@ def follow(seen: IntArray, numbers: FloatArray, vehicles: Records, states: Recor
             vehicle["offset"] += max(-most, min(most, line - vehicle["offset"]))
             x, y = x - vehicle["offset"] * sin, y + vehicle["offset"] * cos
         vehicle["sumo_x"], vehicle["sumo_y"] = sumo_x, sumo_y
-        # The front moves to its new position and pulls the rear axle towards it.
+        # The front moves to its new position, and pulls the rear axle towards it.
         reach = vehicle["rear_axle"]
         rear_x = vehicle["front_x"] - reach * np.cos(heading)
         rear_y = vehicle["front_y"] - reach * np.sin(heading)
@@ -143,7 +143,7 @@ def slow_for_bends(
         speed, first, end = states[vehicle["row"]]["speed"], vehicle["lane_begin"], vehicle["lane_end"]
         allowed = np.inf
         has_bends = end > first and vehicle["bends_end"] > vehicle["bends_begin"]
-        # In the next step it may drive faster than now: compare with 1 m/s more than its speed.
+        # In the next step the vehicle may be faster than now, so compare with 1 m/s more than its speed.
         if has_bends and vehicle["slowest"] < max(vehicle["cruise"], speed + 1.0):
             s = along(vehicle["front_x"], vehicle["front_y"], vehicle["bends_s"], lanes, first, end)
             vehicle["bends_s"] = s

@@ -21,10 +21,11 @@ HEADING_NOISE_RAD = math.radians(2.0)
 WALKER_HEADING_NOISE_RAD = math.radians(10.0)
 PLACE_NOISE_M = 0.1
 PLACE_NOISE_PER_M = 0.003
-"""Standard deviations that the filters assume: about those of the standard sensors (`simulate/sensing`)."""
+"""Standard deviations that the filters assume: of speeds, of headings of vehicles and of walkers, and of places (a
+constant, and a part for each metre of distance). They are about those of the standard sensors (`simulate/sensing`)."""
 JUMP = 6.0
 """Difference between a measurement and the prediction, in standard deviations, above which an object's filter starts
-again. Ours: the prediction itself has a noise of up to two, so noise alone rarely reaches it."""
+again. Ours: the prediction itself has a noise of up to two, so that noise alone rarely reaches this value."""
 
 X, Y, HEADING, SPEED, LENGTH, WIDTH, ACCELERATION, YAW_RATE = range(8)
 """Columns of the filters' states, [A, 8]; the first six are measured."""
@@ -78,8 +79,11 @@ class SightingRecord(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """An object list: the ego's position (m), the time of measurement, the time since the previous list, the current
-    time (s), and the remaining share of the rates of objects that were not measured."""
+    """An object list: when it was measured, and how far the filters must advance.
+
+    It has the ego's position (m), the time of measurement, the time since the previous list, the current time (s), and
+    the remaining share of the rates of objects that were not measured.
+    """
 
     ego_x: float
     ego_y: float
@@ -110,8 +114,11 @@ def move(state: FloatArray, dt: float) -> None:
 
 @compiled(TABLE, _SIGHTINGS, FLOAT, FLOAT, FLAG)
 def present(state: FloatArray, sightings: Records, time_s: float, measured_s: float, some_lost: bool) -> Records:
-    """Return the tracks [A] of a state [A, 8] at `measured_s`, predicted to `time_s`; lost objects are enlarged, and
-    standing objects have the speed 0. `some_lost`: whether an object is missing in the last object list."""
+    """Return the tracks [A] of a state [A, 8] at `measured_s`, predicted to `time_s`.
+
+    Lost objects are enlarged, and standing objects have the speed 0. `some_lost`: whether an object is missing in the
+    last object list.
+    """
     tracks = np.empty(len(state), TRACK)
     if time_s > measured_s:
         state = state.copy()
@@ -134,8 +141,10 @@ def present(state: FloatArray, sightings: Records, time_s: float, measured_s: fl
 
 @compiled(TABLE, _SIGHTINGS, _SCANS)
 def fade(state: FloatArray, sightings: Records, scans: Records) -> float:
-    """Reduce the acceleration and yaw rate of objects missing in the object list [1], in place; return the longest time
-    since an object was seen, s."""
+    """Reduce the acceleration and yaw rate of objects that are missing in the object list [1], in place.
+
+    Return the longest time since an object was seen, s.
+    """
     longest, measured_s = 0.0, scans[0]["measured_s"]
     for a in range(len(state)):
         last_s = sightings[a]["last_s"]
@@ -162,7 +171,7 @@ def correct(
             off[column] = measured[n, column] - row[column]
         off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
         off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
-        # After missing measurements a filter is less certain: it continues as if it had fewer measurements.
+        # After missing measurements a filter is less certain, so it continues as if it had fewer measurements.
         missed = int(np.rint((scan["measured_s"] - seen["last_s"]) * (1 / scan["passed_s"]))) - 1
         count = max(seen["times"] - 2 * max(missed, 0), 1)
         seen["last_s"] = scan["measured_s"]
@@ -186,8 +195,10 @@ def correct(
 def follow(
     state: FloatArray, sightings: Records, which: IntArray, measured: FloatArray, scans: Records, gains: FloatArray
 ) -> tuple[Records, float]:
-    """Process an object list without new objects, in place: `move`, `correct`, and `fade` missing objects; return the
-    tracks of `present`, and the longest time since an object was seen, s. Arguments as for `correct`."""
+    """Process an object list without new objects, in place: `move`, `correct`, and `fade` for missing objects.
+
+    Return the tracks of `present`, and the longest time since an object was seen, s. Arguments as for `correct`.
+    """
     scan = scans[0]
     move(state, scan["passed_s"])
     correct(state, sightings, which, measured, scans, gains)

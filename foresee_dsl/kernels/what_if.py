@@ -33,19 +33,20 @@ LOOKS = 6
 """Number of moments within a style's horizon at which the ego compares both predicted positions. Ours: at 10 m/s and
 2.5 s they are 4 m apart, about a car's length."""
 BEFORE_M = 1.0
-"""Free distance that the ego keeps before and behind it, m. Ours."""
+"""Free distance that the ego keeps before and behind its body, m. Ours."""
 RECOVERS_S = 0.5
 """Time constant with which a steered vehicle turns towards its aim, s. Ours: about the time of turning the wheels
 back."""
 AHEAD_S = 1.0
 AHEAD_M = 5.0
-"""Look-ahead of the aim on its line, and its least length (`simulate.actors.lane_recovery.RecoverySettings`)."""
+"""Look-ahead on its line with which a steered vehicle aims, s, and its smallest length, m
+(`simulate.actors.lane_recovery.RecoverySettings`)."""
 GAINS_MPS2 = 1.5
 """Acceleration with which an actor or the ego returns to its recorded speed, m/s^2. Ours: a moderate one."""
 SIDEWAYS_S = 1.5
 """Time in which the ego moves aside, s. Ours: 0.8 m at 0.5 m/s."""
 RELEASES_S = 0.5
-"""Time for which the ego continues braking after its path is free, s. Ours: a short hesitation."""
+"""Time for which the ego continues to brake after its path has become free, s. Ours: a short hesitation."""
 MISSES_M = 3.0
 """Smallest gap above which a change is useless with every style of driving, m. Ours: about a lane's width."""
 LANE_SHARE = 0.25
@@ -53,7 +54,7 @@ LANE_SHARE = 0.25
 
 
 class WhatIf(NamedTuple):
-    """One actor with one changed behaviour; fields of other changes have their neutral value (in brackets).
+    """One actor with one changed behaviour; the fields of all other changes have their neutral values (in brackets).
 
     Attributes:
         actor: column of the actor. first, last: first and last frame of the window.
@@ -112,8 +113,8 @@ class RollOutEnding(NamedTuple):
     Attributes:
         contact: time of the contact since the window's beginning, s; inf without one. gap: smallest gap, m. at: time of
             the smallest gap, s. ego: the ego's speed then, m/s. brakes: time at which the ego first braked for the
-            actor, s; inf: never.
-        struck: whether the other was then in front of the ego's middle, or slower than the ego.
+            actor, s; inf if never. struck: whether the other was then in front of the ego's middle, or slower than the
+            ego.
     """
 
     contact: float
@@ -125,8 +126,11 @@ class RollOutEnding(NamedTuple):
 
 
 class _Moves(NamedTuple):
-    """The state of a changed actor: its clock (frames of its track), its share of the recorded speed, its offset to the
-    left of its track (m), and its angle to it (rad)."""
+    """The state of a changed actor.
+
+    It is its clock (frames of its track), its share of the recorded speed, its offset to the left of its track (m), and
+    its angle to the track (rad).
+    """
 
     clock: float
     share: float
@@ -159,7 +163,7 @@ def _mps(track: FloatArray, clock: float) -> float:
 
 @inner
 def _advanced(track: FloatArray, clock: float, way: float) -> float:
-    """Return the clock at which a track is `way` metres further on, skipping the times at which it stood."""
+    """Return the clock at which a track is `way` metres further on; times at which the actor stood are skipped."""
     last = track.shape[0] - 1
     while way > 0.0 and clock < last:
         k = int(clock)
@@ -261,7 +265,9 @@ def _cut(begin: float, way: float, half: float, low: float, high: float) -> tupl
 @inner
 def _threatens(ego: FloatArray, clock: float, style: Record, size: tuple[float, float], other: Box, vx: float,
                vy: float) -> bool:  # fmt: skip
-    """Return whether the other, at its current velocity, comes into the ego's way within the style's horizon."""
+    """Return whether another actor, if it keeps its current velocity, comes into the ego's way within the style's
+    horizon.
+    """
     length, width = size[0] + 2 * BEFORE_M, size[1] + SLACK_M + 2 * style["room"]
     reach = (hypot(length, width) + hypot(other.length, other.width)) / 2
     for look in range(1, LOOKS + 1):
@@ -311,7 +317,7 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
     threatened, braking_until = inf, -inf
     ending["contact"], ending["gap"], ending["at"], ending["ego"] = inf, inf, 0.0, 0.0
     ending["brakes"], ending["struck"] = inf, False
-    # The actor's velocity at the first moment is the recorded one, or 0 if it stands longer.
+    # The velocity of the actor at the first moment is the recorded one, or 0 if it stands longer.
     moved = _Moves(at.clock - (0.0 if what["delay"] > 0.0 else at.share * FRAMES), at.share, 0.0, 0.0)
     ox, oy, oh = _placed(track, moved)
     for step in range(int((what["last"] - what["first"]) / FRAMES) + 1):

@@ -1,1 +1,1 @@
-"""Reports for people and tools: reports for terminals, browsers and build servers, pictures and playbacks."""
+"""Reports for people and tools: pages, terminal reports, reports for build servers, pictures and playbacks."""

@@ -1,4 +1,4 @@
-"""The formats in which commands report: for people, and a registry of formats for other tools.
+"""The formats in which commands report: one for people, and a registry of formats for other tools.
 
 A format is a function from a `CommandReport` to a text. Ours are in `OURS`; a package adds its own by the entry-point
 group `foresee_dsl.report_formats`, and all commands with `--format` offer it.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from foresee_dsl.report.builds.case_results import CaseResult
 
 PEOPLE = ("text", "full", "table")
-"""The names of the format for people; each command has one of them."""
+"""The names of the format for people; each command offers one of them."""
 
 REPORT_FORMATS = PluginGroup("foresee_dsl.report_formats", "report format", ForeseeError)
 
@@ -121,5 +121,5 @@ def rendered(name: str, report: CommandReport) -> str:
     with REPORT_FORMATS.loading(entry):
         text = entry.load()(report)
         if not isinstance(text, str):
-            raise TypeError(f"it returned {type(text).__name__}, not a text")
+            raise TypeError(f"it returned {type(text).__name__} instead of a text")
     return text

@@ -1,13 +1,17 @@
-"""Makes text from files, drivers and traces safe to print: it cannot control the terminal or hide other text."""
+"""Makes text from files, drivers and traces safe to print, so that it can neither control the terminal nor hide other
+text.
+"""
 
 from __future__ import annotations
 
 import unicodedata
 
 LONGEST = 400
-"""Default maximum length of a printed text, characters. Ours: five lines of 80 columns; callers pass more for paths."""
+"""Default maximum length of a printed text, characters. Ours: five lines of 80 columns; callers pass a larger one for
+paths."""
 _MARKS = 2
-"""Maximum number of combining marks in a row. Ours: written languages need two; more would cover the lines above."""
+"""Maximum number of combining marks after one another. Ours: written languages need two; more would cover the lines
+above."""
 _BLANKS = "\t\n\r\x0b\x0c\x85\u2028\u2029"
 
 
@@ -38,6 +42,6 @@ def safe(text: object, longest: int = LONGEST) -> str:
 
 
 def shortened(text: object, width: int) -> str:
-    """Return a safe text of at most `width` characters; if its end is cut, it ends with `…`."""
+    """Return a safe text of at most `width` characters, which ends with `…` if it was cut."""
     plain = safe(text)
     return plain if len(plain) <= width else f"{plain[: max(width - 1, 0)]}…"

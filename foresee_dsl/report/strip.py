@@ -1,4 +1,4 @@
-"""The strip of a run: its most important moments seen from above, side by side, as panels and as an SVG picture."""
+"""The strip of a run: its most important moments from above, side by side, as panels and as an SVG picture."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from foresee_dsl.story.story import Story
 
 SIDE_PX = 220.0
-"""Side of a panel in a picture, px. Ours: six panels, or three on a phone's page, fit a screen."""
+"""Side of a panel in a picture, px. Ours: six panels fit a screen, and three fit the page on a phone."""
 _GAP_PX, _CAPTION_PX, _TITLE_PX = 14, 34, 22
 SIZES = Sizes(text=12.0, small=11.0, title=13.0, room=1.0)
-"""Ours: two lines of `_CAPTION_LETTERS` fit above a panel."""
+"""Sizes of the letters, px. Ours: two lines of `_CAPTION_LETTERS` fit above a panel."""
 _LETTER_PX = 9.0
-"""Width reserved for a letter in bold, px (12 px system-ui has at most 9)."""
+"""Width that is reserved for a bold letter, px; at 12 px, letters of system-ui are at most 9 px wide."""
 NAMES = {
     Role.EGO: "ego",
     Role.OPPONENT: "opponent",
@@ -47,12 +47,15 @@ NAMES = {
     Role.GHOST: "in the parent's run",
 }
 _CAPTION_LETTERS = 32
-"""Maximum length of a caption, characters: what fits above a panel of `SIDE_PX`."""
+"""Maximum length of a caption, characters: as much as fits above a panel of `SIDE_PX`."""
 
 
 def opponent_of(trace: Trace, story: Story | None = None) -> str:
-    """Return the id of the actor that a run is about: the story's opponent, else the actor that was touched, else, in a
-    run that passed, the actor that came nearest; "" if there is none."""
+    """Return the id of the actor that a run is about; "" if there is none.
+
+    It is the story's opponent, or else the actor that was touched, or else, in a run that passed, the actor that came
+    nearest.
+    """
     if story is not None and story.opponent:
         return story.opponent
     hit = next((str(e.detail["with"]) for e in reversed(trace.events) if e.what == "collision"), "")
@@ -78,7 +81,8 @@ def make_strip(
 
     Args:
         trace: the run. case: its test case. story: the run's story, for its opponent. title: text above the strip.
-        up: direction that is up in all panels: the ego's heading at the end, or north. most: maximum number of panels.
+        up: the direction that points upwards in all panels: the ego's heading at the end, or north. most: maximum
+            number of panels.
         ghost: the parent's run, whose ego and opponent are drawn as outlines.
         like: the strip of another run, whose moments, windows and opponent are used.
     """
@@ -88,7 +92,8 @@ def make_strip(
         opponent = ""
     measures = measure(trace, bundle, opponent)
     if like is not None:
-        moments = tuple(replace(moment, text="") for moment in like.moments)  # their texts describe the other run
+        # Their texts describe the other run, so they are left out.
+        moments = tuple(replace(moment, text="") for moment in like.moments)
         windows = tuple(panel.window for panel in like.panels)
     else:
         moments = snapshots(trace, measures, opponent, most=most)
@@ -139,12 +144,14 @@ def sheet_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> Sheet:
 
 
 def balanced(count: int, most: int) -> int:
-    """Return the number of panels per row, at most `most`, for which the rows of `count` panels are equally long."""
+    """Return the number of panels per row, at most `most`, for which all rows of `count` panels are about
+    equally long.
+    """
     return math.ceil(count / math.ceil(count / most)) if count else 1
 
 
 def caption_of(panel: Panel) -> tuple[str, str]:
-    """Return the two lines above a panel: time and event; the ego's speed and the gap to the opponent."""
+    """Return the two lines above a panel: time and event; then the ego's speed and the gap to the opponent."""
     snapshot = panel.snapshot
     gap = f" gap {panel.gap_m:.1f} m" if math.isfinite(panel.gap_m) else ""
     return f"{snapshot.time_s:.2f} s {snapshot.text}".rstrip(), f"{panel.ego_mps * 3.6:.0f} km/h{gap}"

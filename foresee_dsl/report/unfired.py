@@ -1,4 +1,4 @@
-"""Triggers that never fired, in lines for a terminal."""
+"""Triggers that never fired, as lines for a terminal."""
 
 from __future__ import annotations
 

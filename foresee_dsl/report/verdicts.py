@@ -1,4 +1,4 @@
-"""The number of failed runs by kind, in one line: the headline of every report of runs."""
+"""Counts failed runs by kind in one line, which is the headline of every report of runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, Verdi
 from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
-"""Maximum length of a text that must not be cut, such as a path or a line that a driver printed, characters."""
+"""Maximum length of a text that must not be cut in practice, characters: a path, or a line that a driver printed."""
 
 
 def counted(number: int, noun: str, many: str = "") -> str:
@@ -28,12 +28,12 @@ def ending(verdict: Verdict, broken: Sequence[str] = ()) -> Text:
 
 
 def changed_lines(notes: Iterable[DriverNotes | None]) -> list[str]:
-    """Return a line for each change that the driver made to its process, such as its working folder, in these runs."""
+    """Return a line for each change that the driver made to its process in these runs, such as its working folder."""
     listed = [note for note in notes if note is not None]
     counts = Counter(phrase for note in listed for phrase in note.changed)
     often = (f" in {counted(count, 'run')}" if len(listed) > 1 else "" for count in counts.values())
     return [
-        f"the driver {safe(phrase, WHOLE)}{runs}; that was undone, and what came next ran in a fresh process"
+        f"the driver {safe(phrase, WHOLE)}{runs}; the change was undone, and later runs used a fresh process"
         for phrase, runs in zip(counts, often, strict=True)
     ]
 
@@ -50,7 +50,7 @@ def verdicts_line(
 
     Args:
         verdicts: of all runs. reasons: of the failed runs. noun: what a run is called.
-        breaking: number of runs with the verdict `pass` that break an expectation.
+        breaking: number of the runs with the verdict `pass` that break an expectation.
     """
     counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
     total = len(verdicts)
@@ -69,7 +69,7 @@ def verdicts_line(
 
 
 def short_crash(reason: str) -> str:
-    """Return the reason of a crash or hang without the beginning that the headline already states."""
+    """Return the reason of a crash or hang, without the beginning that the headline already states."""
     for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
         reason = reason.removeprefix(begins)
     return reason
@@ -81,5 +81,5 @@ def is_hang(reason: str) -> bool:
 
 
 def without_verdict(verdict: Verdict, reason: str) -> str:
-    """Return a reason without the verdict at its beginning, for a place behind the verdict."""
+    """Return a reason without the verdict at its beginning, to be shown after the verdict."""
     return reason.removeprefix(f"{verdict.value}: ").removeprefix(f"{verdict.value} ")

@@ -1,4 +1,6 @@
-"""Describes an exception in a driver's code: its text, the place in the driver's own code, and the own traceback."""
+"""Describes an exception that a driver raised: its text, the place in the driver's own code, and the traceback of that
+code.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,12 @@ _DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*
 
 
 class DriverHangs(BaseException):
-    """A driver exceeded a deadline.
+    """Raised when a driver exceeds a deadline.
 
     Attributes:
-        what: the call and its deadline, in words. allows: the option that allows more time. hang: the same as data.
+        what: the call and its deadline, in words.
+        allows: the option that allows more time.
+        hang: the same as data.
     """
 
     def __init__(self, what: str, allows: str, hang: Hang) -> None:
@@ -46,7 +50,7 @@ class DriverFault(NamedTuple):
 
 
 def fault_of(err: BaseException) -> DriverFault:
-    """Return the description of a driver's exception."""
+    """Return a description of the exception that a driver raised."""
     if isinstance(err, DriverError):
         return DriverFault(f"the driver broke: {one_line(err)}", "")
     at = f", at {place}" if (place := place_of(err)) else ""
@@ -57,20 +61,23 @@ def fault_of(err: BaseException) -> DriverFault:
 
 
 def one_line(err: BaseException) -> str:
-    """Return an exception's text as one line without double quotes, so that it can be quoted."""
+    """Return an exception's text as one line without double quotes, which can be quoted in a file of the language."""
     try:
         text = str(err)
-    except Exception:  # its own __str__ may be broken as well
-        text = "(its text cannot be had)"
+    except Exception:  # its own __str__ may raise as well
+        text = "(its text cannot be read)"
     return " ".join(text.split()).replace('"', "'")[:LONGEST_REASON]
 
 
 def place_of(err: BaseException) -> str:
-    """Return the innermost place in the driver's own code, as `mine.py:12 (Mine.step)`; "" if there is none."""
+    """Return the innermost place in the driver's own code, such as `mine.py:12 (Mine.step)`; "" if the traceback has
+    none.
+    """
     frames = _own(err.__traceback__)
     if not frames:
         return ""
-    # The driver's own code is the package that was called first; a library that it calls, such as numpy, is not.
+    # The driver's own code is the package that the simulator called. A library that the package calls, such as numpy,
+    # is not.
     top = _package(frames[0])
     frame = [frame for frame in frames if _package(frame) == top][-1]
     code = frame.tb_frame.f_code
@@ -94,7 +101,8 @@ def traceback_of(err: BaseException) -> str:
 
 def place_in_dump(dump: str) -> str:
     """Return the place in the driver's code from a dump of `faulthandler` (innermost frame first); "" without one."""
-    main = re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]  # the last thread runs the drivers
+    # The thread that runs the drivers comes last in the dump.
+    main = re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]
     frames = [(Path(match["file"]), match["line"], match["name"]) for match in _DUMPED.finditer(main)]
     theirs = []
     for file, line, name in frames:
@@ -109,7 +117,9 @@ def place_in_dump(dump: str) -> str:
 
 
 def _own(trace: TracebackType | None) -> list[TracebackType]:
-    """Return the entries of a traceback from the first one in a driver's code on, without the watch's last ones."""
+    """Return the entries of a traceback from the first one in a driver's code on, without those that this module's
+    watch added.
+    """
     entries = []
     while trace is not None:
         entries.append(trace)
@@ -122,7 +132,7 @@ def _own(trace: TracebackType | None) -> list[TracebackType]:
 
 
 def _watching(trace: TracebackType | None) -> int:
-    """Return the number of the simulator's own entries at the end of a traceback."""
+    """Return how many entries at the end of a traceback belong to the simulator, which interrupted the driver there."""
     count = 0
     while trace is not None:
         count = count + 1 if _is_ours(_file(trace)) else 0

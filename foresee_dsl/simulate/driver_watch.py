@@ -1,7 +1,8 @@
-"""Ends a driver that hangs: an endless Python loop by a signal handler, a call in a library by ending the process.
+"""Ends a driver that hangs: a signal handler interrupts an endless loop in Python; a call that stays in a library is
+ended with its process.
 
-A timer's signal checks regularly whether the driver is still in the same call. Only the main thread gets signals: in
-other threads drivers are not watched. A debugger that traces the run stops the watch.
+A timer's signal checks regularly whether the driver is still in the same call. Python delivers signals to the main
+thread only, so drivers in other threads are not watched. A debugger that traces the run switches the watch off.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import Hang
 
 _TICK_S = 1.0
-"""Time between two checks, s. Ours: a tenth of the deadline of a step; a check takes a few microseconds."""
+"""Time between two checks, s. Ours: a tenth of a step's deadline; a check takes a few microseconds."""
 _GRACE_S = 2.0
-"""Time after the deadline for which a process may stay in a library call, s. Ours: two checks."""
+"""Time after the deadline for which the process may stay in a library's call before it is ended, s. Ours: two
+checks."""
 
 
 class DriverCall:
@@ -40,33 +42,33 @@ class DriverCall:
         self.number = 0
 
     def __call__(self, name: str) -> Self:
-        """Set the name of the call that begins."""
+        """Name the call of the driver that begins, such as `step`."""
         self._next = name
         return self
 
     def __enter__(self) -> None:
-        """Begin the call, and measure its time."""
+        """Begin the call, and store its starting time."""
         self.number += 1
         self.name = self._next
         if (clock := measuring.clock()) is not None:
             clock.begin_decision(first=self.name != "step" or self.number == 2)
 
     def __exit__(self, *_: object) -> None:
-        """End the call: the driver has answered or raised."""
+        """End the call, because the driver has answered or raised an exception."""
         self.name = ""
         if (clock := measuring.clock()) is not None:
             clock.end()
 
 
 class DriverWatch:
-    """Watches one run.
+    """Watches the driver of one run.
 
     Attributes:
-        call: of the driver.
+        call: the driver's current call.
     """
 
     def __init__(self, deadlines: Deadlines | None, simulated_s: float) -> None:
-        """Watch nothing when there are no deadlines."""
+        """Prepare the watch; without deadlines it does nothing. `simulated_s`: longest simulated time of the run."""
         self.call = DriverCall()
         self._limits = None
         if deadlines is not None and threading.current_thread() is threading.main_thread():
@@ -89,7 +91,8 @@ class DriverWatch:
     def __exit__(self, *_: object) -> None:
         """Stop the timer and restore the signal handler."""
         if (clock := measuring.clock()) is not None:
-            clock.add_programs(_programs_ns() - self._programs_ns)  # an external driver's program has ended by now
+            # An external driver's program has ended before this point.
+            clock.add_programs(_programs_ns() - self._programs_ns)
         if self._limits is not None:
             signal.setitimer(signal.ITIMER_REAL, 0)
             signal.signal(signal.SIGALRM, self._before)
@@ -97,7 +100,10 @@ class DriverWatch:
                 faulthandler.cancel_dump_traceback_later()
 
     def starts(self) -> None:
-        """Set the deadline of the first step: the driver was reset, and many steps may follow before the next check."""
+        """Set the deadline of the first step.
+
+        The driver was reset just before, and many steps may follow before the next check.
+        """
         files = printed_here()
         if self._limits is not None and files is not None:
             files.end_after(self._limits[1] + _GRACE_S)
@@ -114,7 +120,7 @@ class DriverWatch:
         files = printed_here()
         if files is not None:
             files.trim()
-            if not self._raised:  # after the exception was raised, the last deadline stays
+            if not self._raised:  # once the exception was raised, the deadline that was exceeded stays
                 files.end_after(min(limit_s, max(0.0, self._began_s + run_s - now_s)) + _GRACE_S)
         if not call.name:
             return
@@ -133,6 +139,6 @@ class DriverWatch:
 
 
 def _programs_ns() -> int:
-    """Return the CPU time of programs that this process started and that have ended."""
+    """Return the CPU time of the programs that this process has started and that have ended, ns."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return round((used.ru_utime + used.ru_stime) * 1e9)

@@ -1,4 +1,6 @@
-"""The truth of a run for ideal parts of a driver: the actors' states, the signals, and what the others will do."""
+"""The true state of a run, for ideal parts of a driver: the actors' states, the signals, and the others'
+future motion.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,17 @@ from foresee_dsl.simulate.sensing.perception import Sensing
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 LEAST_FADE = 0.05
-"""Least share of the motor's acceleration near the top speed with which a planned acceleration is reached. Ours."""
+"""Least share of the motor's acceleration with which a planned acceleration is divided to get the throttle. Near the
+top speed the motor's share approaches 0, and the throttle would be infinite. Ours."""
 
 
 class GroundTruth:
     """The truth at the current frame of a run; see `drivers.parts.Truth`."""
 
     def __init__(self, simulation: Simulation, sensing: Sensing, futures: Trace | None) -> None:
-        """Prepare a run; `futures`: the run from which the others' future motion is known, None without one."""
+        """Prepare the truth of a run; `futures`: an earlier run, from which the others' future motion is taken, or
+        None.
+        """
         self._simulation, self._sensing, self._futures = simulation, sensing, futures
         self._others = simulation.actors[1:]
         self._columns = {info.id: k for k, info in enumerate(futures.actors)} if futures is not None else {}
@@ -46,9 +51,10 @@ class GroundTruth:
         return self._sensing.true_signals()
 
     def future(self, track: int, ahead_s: FloatArray) -> FloatArray | None:
-        """Return where an object will be, [T, 4] x, y, heading, speed; None if it is unknown.
+        """Return where an object will be at these times from now, [T, 4] x, y, heading, speed; None if that is unknown.
 
-        It moves as in the run of the futures from its current place on; after that run's end it keeps its speed.
+        The object is assumed to move, from its current place on, as in the run of `futures`; after the end of that run
+        it keeps its speed.
         """
         index, trace = self._sensing.numbered.get(track), self._futures
         column = self._columns.get(self._others[index].id) if index is not None else None
@@ -81,7 +87,7 @@ class GroundTruth:
 
 
 def control_for(plan: PlannedMotion, limits: VehicleLimits, speed_mps: float) -> Control:
-    """Return the control with which a vehicle without lag takes a planned acceleration and wheel angle."""
+    """Return the control with which a vehicle that reacts at once takes the planned acceleration and wheel angle."""
     fade = max(1.0 - speed_mps / limits.max_speed_mps, LEAST_FADE)
     wanted = plan.acceleration_mps2
     throttle = max(wanted, 0.0) / max(limits.acceleration_mps2 * fade, 1e-6)

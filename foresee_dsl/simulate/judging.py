@@ -1,6 +1,6 @@
-"""Judges each frame of a run: whether and how the run ends; and describes in words what an ego waits for.
+"""Judges each frame of a run: whether the run ends there, and how. It also describes in words what an ego waits for.
 
-It uses the true positions of all actors, not the driver's observation.
+Judgements use the true positions of all actors, not the driver's observation.
 """
 
 from __future__ import annotations
@@ -29,16 +29,17 @@ NEAR_GOAL_M = 2.0
 _LONGEST_WORDS = 200
 """Maximum number of characters of the driver's own explanation in the reason."""
 AHEAD_M = 30.0
-"""Distance along the ego's route within which a signal or an actor explains its waiting, m. Ours: a stopped queue of
-four cars and the gap before it; an ego farther back has another car in front."""
+"""A signal or an actor at most this far ahead along the ego's route is a reason for the ego to wait, m. Ours: a stopped
+queue of four cars and the gap before it; an ego farther back has another car in front."""
 CLOSE_AHEAD_M = 15.0
-"""Distance within which an actor in front explains waiting even beside the route, m. Ours: two car lengths plus the
-width of a crossing."""
+"""An actor in front that is at most this far away is a reason to wait even if it is beside the route, m. Ours: two car
+lengths plus the width of a crossing."""
 BESIDE_M = 0.8
 """Lateral clearance below which another actor still blocks the ego, m. Ours: the clearance that drivers leave to a
 pedestrian."""
 JUNCTION_M = 10.0
-"""Distance to a junction within which a standing ego waits at that junction, m. Ours: two cars' lengths."""
+"""An ego that stands at most this far before a junction is said to wait at that junction, m. Ours: two cars'
+lengths."""
 
 
 @dataclass(slots=True)
@@ -68,7 +69,8 @@ class Judging:
     def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder, driver: Driver) -> None:
         self._simulation, self._conditions, self._recorder, self._driver = simulation, conditions, recorder, driver
         scene, others, ego = simulation.scene, simulation.actors[1:], simulation.ego
-        # A clip of an ego that hardly moved has its goal where it begins: it runs to the end of its window.
+        # A clip of an ego that hardly moves has its goal at its start. Such a run must not end at once, but at the end
+        # of its window.
         room = scene.goal_s - simulation.progress.of(ego, 0)[0]
         self._began_at_goal = scene.clip and room < NEAR_GOAL_M
         sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
@@ -77,7 +79,7 @@ class Judging:
         self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.states
         self._judge = OutcomeJudge(
             ids=[actor.id for actor in others],
-            # An actor that stands for the whole run is a static object, also if it is a parked car.
+            # An actor that the scenario makes stand for the whole run is a static object, even if it is a parked car.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
             sizes=sizes,
             ego_size=(ego.length, ego.width),
@@ -86,7 +88,7 @@ class Judging:
         )
 
     def step(self, frame: Frame) -> None:
-        """Set the frame's decision from its states."""
+        """Decide whether the run ends at this frame, and set the frame's decision."""
         arrived = not self._began_at_goal and self._conditions.arrived("ego")
         if not arrived and self._drives_on(frame):
             self._judge.moves()
@@ -108,7 +110,7 @@ class Judging:
         frame.decision = decision
 
     def _drives_on(self, frame: Frame) -> bool:
-        """Return whether a cheap test shows that the run does not end at this frame; it nearly always does."""
+        """Return whether a cheap test shows that the run goes on at this frame, which is nearly always so."""
         return (
             frame.states.item(SPEED) >= STANDS_MPS
             and frame.time_s < self._simulation.scene.end_s - STEP_S / 2
@@ -116,7 +118,9 @@ class Judging:
         )
 
     def _of_the_map(self, decision: Decision) -> Decision:
-        """Return an invalid run instead of F1 if the ego left the road at a defect of the map, else the decision."""
+        """Return the decision; if the ego left the road where the map is defective, return an invalid run instead of
+        F1.
+        """
         ego = self._simulation.ego
         fault = self._simulation.network.fault_near(ego.x, ego.y)
         if not fault:
@@ -125,7 +129,9 @@ class Judging:
         return replace(decision, verdict=Verdict.INVALID, reason=reason)
 
     def _waits_for(self) -> str:
-        """Return what the ego waits for: as the scene shows it, and in its driver's own words if it has any."""
+        """Return what the ego waits for, as the scene shows it and, if the driver explains itself, in the driver's
+        words.
+        """
         scene = waits_for(self._simulation, self._recorder)
         own = getattr(self._driver, "waits_for", "")
         own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
@@ -138,10 +144,12 @@ class _Ahead(NamedTuple):
 
 
 def may_wait(simulation: Simulation) -> bool:
-    """Return whether the ego has a reason to wait: a signal that is not green, or a non-static actor in front."""
+    """Return whether the ego has a reason to wait: a signal that is not green, or an actor in front that is not a
+    static object.
+    """
     ego = simulation.ego
     if ego.speed >= STANDS_MPS:
-        return True  # it does not wait, so the question does not arise
+        return True  # the ego drives, so it does not need a reason to wait
     if _signal(simulation) is not None:
         return True
     cos, sin = np.cos(ego.heading), np.sin(ego.heading)
@@ -154,7 +162,9 @@ def may_wait(simulation: Simulation) -> bool:
 
 
 def waits_for(simulation: Simulation, recorder: Recorder) -> str:
-    """Return a clause such as `it stands since 9.10 s, 41 m before its goal, 3.1 m behind walker (pedestrian), ...`."""
+    """Return a clause about where and for how long the ego stands, such as `the ego stands since 9.10 s, 41 m before
+    its goal, 3.1 m behind walker (pedestrian), ...`.
+    """
     ego = simulation.ego
     goal_m = simulation.scene.goal_s - simulation.progress.of(ego, simulation.frame)[0]
     before = f", {goal_m:.0f} m before its goal" if goal_m > 0 else ""
@@ -174,11 +184,11 @@ def waits_for(simulation: Simulation, recorder: Recorder) -> str:
         where = "inside junction" if room < 0 else f"{room:.1f} m before junction"
         near = _nearest(simulation)
         return f"{stands}, {where} {passage.junction}{f'; nearest to it is {near}' if near else ''}"
-    return f"{stands}, and no actor is ahead of it on its route"
+    return f"{stands}, and no actor is ahead on its route"
 
 
 def _behind(simulation: Simulation, recorder: Recorder, ahead: _Ahead) -> str:
-    """Return a clause with the actor ahead and the reason why it does not drive on."""
+    """Return a clause that names the actor ahead and says why that actor does not drive on."""
     actor = ahead.actor
     name = f"{max(ahead.gap_m, 0.0):.1f} m behind {actor.id} ({actor.placed.model.kind})"
     if actor.placed.control == "static":
@@ -189,7 +199,7 @@ def _behind(simulation: Simulation, recorder: Recorder, ahead: _Ahead) -> str:
     if isinstance(actor, PathActor) and actor.follower.arrived:
         return (
             f"{name}, which came to the end of its path in the ego's way after {since_s:.2f} s and stays there: "
-            "let the scenario's path go on beyond the lane"
+            "extend its path in the scenario beyond the lane"
         )
     return f"{name}, which stands since {since_s:.2f} s"
 

@@ -21,8 +21,8 @@ __all__ = ["limits_of", "mission_of"]
 STOP_BEFORE_M = 1.0
 """Distance of the stop line from the lanes inside the junction, m; SUMO's vehicles stop there."""
 BEYOND_GOAL_M = 80.0
-"""Length of the line beyond the goal, m, which the protocol requires: a driver that plans 4 s ahead at 60 km/h needs 67
-m."""
+"""Length of the line beyond the goal, m, as the driver protocol promises. A driver that plans 4 s ahead at 60 km/h
+needs 67 m."""
 NEAR_AHEAD_M, NEAR_RIGHT_M, NEAR_HEIGHT_M = 2.0, 3.0, 2.6
 """Position of a signal's near head relative to the point where the ego's lane meets the stop line, m. Ours: behind the
 line, at the kerb of a lane of 3.3 m; 2.1 m is the usual least height over a pavement."""
@@ -44,7 +44,7 @@ def mission_of(bundle: SumoBundle) -> Mission:
     ego = bundle.scene.ego
     line = ego.line
     if line is None:
-        raise SimulationError(f"{bundle.name}: the ego has no route")
+        raise SimulationError(f"{bundle.name}: the ego has no route, so there is no mission for a driver")
     states = {signal.tls: tuple(phase.state for phase in signal.phases) for signal in bundle.signals.values()}
     goal_s = bundle.scene.goal_s
     n = int(np.searchsorted(line.s, goal_s + BEYOND_GOAL_M)) + 1
@@ -62,7 +62,9 @@ def mission_of(bundle: SumoBundle) -> Mission:
 
 
 def heading_at(mission: Mission, s: float) -> tuple[float, float, float]:
-    """Return x, y (m) and heading (rad) of the ego's line at a length; the heading is that of the metre before it."""
+    """Return x, y (m) and heading (rad) of the ego's line at a length along it; the heading is the mean over the metre
+    before.
+    """
     (x0, x), (y0, y) = (np.interp((s - 1.0, s), mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
     return x, y, math.atan2(y - y0, x - x0)
 

@@ -1,4 +1,5 @@
-"""Bodies that SUMO does not drive: the ego, stand-ins for bodies beside the lanes, vehicles with a steering offset.
+"""Bodies that SUMO's world contains but does not drive: the ego, stand-ins for bodies beside the lanes, steered
+vehicles.
 
 Positions are SUMO's: those of the middle of the front bumper.
 """
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 GHOST_TYPE = "ghost"
 """The vehicle type of stand-ins for bodies that SUMO does not drive; 0.5 m long, in every types file."""
 MATCH_M = 5.0
-"""Radius in which moveToXY searches a lane, m. Ours: a call takes 5 us with 5 m, 33 us with SUMO's default 100 m."""
+"""Radius within which SUMO's moveToXY searches for a lane, m. Ours: a call takes 5 us with 5 m, 33 us with SUMO's
+default 100 m."""
 
 
 class MovedBodies:
@@ -27,27 +29,30 @@ class MovedBodies:
     def __init__(
         self, sumo: ModuleType, errors: tuple[type[Exception], ...], route_of: Callable[[tuple[str, ...]], str]
     ) -> None:
-        """Begin without bodies; `errors`: exceptions of SUMO. `route_of`: returns SUMO's name of a route of edges."""
+        """Begin without bodies.
+
+        `errors`: the exceptions that SUMO raises. `route_of`: a function that returns SUMO's name of a route of edges.
+        """
         self._sumo, self._errors, self._route_of = sumo, errors, route_of
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
 
     def clear(self) -> None:
-        """Forget all of them: SUMO's world is empty."""
+        """Drop all bodies, because SUMO's world was emptied."""
         self._bodies.clear()
 
     def adopt(self, vehicle: str, model: str, route: tuple[str, ...]) -> None:
-        """Move a vehicle from now on that SUMO's world already contains."""
+        """Take over a vehicle that SUMO's world already contains, so that it is moved from outside from now on."""
         self._bodies[vehicle] = (model, route, None)
 
     def forget(self, vehicle: str) -> None:
-        """Stop moving a vehicle, if it was moved."""
+        """Stop moving a vehicle; does nothing if it was not moved."""
         self._bodies.pop(vehicle, None)
 
     def add(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
-        """Add a body that is moved from outside: `place` must follow before every step.
+        """Add a body that is moved from outside; `place` must be called for it before every step.
 
-        `model`: its vehicle type. `route`: the route that SUMO's vehicles expect of it. `length_m`: its length if it
-        differs from the type's.
+        `model`: its vehicle type. `route`: the route on which SUMO's vehicles expect it. `length_m`: its length if it
+        differs from that of the type.
         """
         self._bodies[vehicle] = (model, route, length_m)
         self._put_in(vehicle)
@@ -62,7 +67,8 @@ class MovedBodies:
         try:
             self._sumo.vehicle.moveToXY(vehicle, *where)
         except self._errors:
-            # SUMO removes a vehicle at the end of its route, although it is still in the scene.
+            # SUMO removes a vehicle that reaches the end of its route, but the body is still in the scene, so it is
+            # added again.
             try:
                 self._put_in(vehicle)
                 self._sumo.vehicle.moveToXY(vehicle, *where)
@@ -81,7 +87,7 @@ class MovedBodies:
         vehicle = self._sumo.vehicle
         try:
             lanes = list(map(vehicle.getLaneID, self._bodies))
-        except self._errors:  # one is at the end of its route
+        except self._errors:  # a body that has reached the end of its route has no lane
             lanes = list(map(self._lane_of, self._bodies))
         for lane in dict.fromkeys(lanes):
             queue = self._sumo.lane.getLastStepVehicleIDs(lane) if lane else ()
@@ -92,7 +98,8 @@ class MovedBodies:
                 continue
             for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
                 bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
-                # Reinsert a stand-in rather than the ego, which would then count as just arrived at a junction.
+                # A stand-in is inserted again rather than the ego: SUMO would treat the ego as just arrived at a
+                # junction, which would change the right of way.
                 for name in sorted(bodies, key=lambda name: self._bodies[name][0] != GHOST_TYPE)[:1]:
                     vehicle.remove(name)
                     self._put_in(name)
@@ -101,7 +108,7 @@ class MovedBodies:
         try:
             return str(self._sumo.vehicle.getLaneID(vehicle))
         except self._errors:
-            return ""  # at the end of its route
+            return ""  # a body that has reached the end of its route
 
     def _put_in(self, vehicle: str) -> None:
         model, route, length_m = self._bodies[vehicle]

@@ -1,7 +1,7 @@
-"""Reads the arrays of an untrusted `.npz` file: without pickles, and within a limit on the unpacked size.
+"""Reads the arrays of an `.npz` file that may come from someone else: no pickles, and a limit on the unpacked size.
 
-`numpy.load` has no limit: a file of 3 MB may unpack to 5 GB of zeros, and the header of an array may claim any size,
-which numpy allocates before it reads a byte.
+`numpy.load` has no such limit: a file of 3 MB may unpack to 5 GB of zeros, and the header of an array may claim any
+size, for which numpy allocates memory before it reads a byte.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from foresee_dsl.files import open_outside
 from foresee_dsl.limits import most, raised_by
 
 _MOST_MEMBERS = 100
-"""Maximum number of arrays in a file. Ours: a trace has nine."""
+"""Maximum number of arrays in a file. Ours: the file of a trace has nine."""
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """The compression methods that numpy writes."""
 
@@ -50,11 +50,11 @@ def _check(members: list[zipfile.ZipInfo]) -> None:
     size, allowed = sum(member.file_size for member in members), most("trace") * 1e6
     if size > allowed:
         raise TooLargeError(
-            f"it takes {size / 1e6:,.0f} MB when unpacked, more than {allowed / 1e6:,.0f} MB; "
+            f"it takes {size / 1e6:,.0f} MB when it is unpacked, more than {allowed / 1e6:,.0f} MB; "
             f"{raised_by('trace', size / 1e6)}"
         )
     if len(members) > _MOST_MEMBERS or any(member.compress_type not in _METHODS for member in members):
-        raise ValueError("it is packed in a way that traces do not use")
+        raise ValueError("it is compressed with a method that files of traces do not use")
 
 
 class TooLargeError(ValueError):
@@ -66,7 +66,7 @@ def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
         shape, by_column, dtype = _head(stream)
         count = math.prod(shape)
         if dtype.hasobject or count * dtype.itemsize > member.file_size or min(shape, default=0) < 0:
-            raise ValueError(f"the head of its array {member.filename} does not fit what follows")
+            raise ValueError(f"its array {member.filename} does not have the size that the header of the array states")
         data = stream.read(count * dtype.itemsize + 1)  # zipfile never returns more than `file_size` bytes
     if len(data) != count * dtype.itemsize:
         raise ValueError(f"its array {member.filename} is cut off, or has too many bytes")
@@ -77,9 +77,9 @@ def _head(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     version = npy.read_magic(stream)
     read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
     if read is None:
-        raise ValueError(f"an array of format {version}")
+        raise ValueError(f"one of its arrays has the unsupported format {version}")
     try:
         shape, by_column, dtype = read(stream)
-    except (SyntaxError, tokenize.TokenError) as err:  # numpy 2 reads the head as a Python literal
-        raise ValueError("the head of an array is damaged") from err
+    except (SyntaxError, tokenize.TokenError) as err:  # numpy 2 parses the header as a Python literal
+        raise ValueError("the header of an array is damaged") from err
     return shape, by_column, dtype

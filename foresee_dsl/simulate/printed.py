@@ -1,6 +1,6 @@
-"""Keeps a driver's output in a file: the standard output and error of Python and C code in this process.
+"""Collects a driver's output in a file: the standard output and error of Python and C code in this process.
 
-Worker processes use it (`campaign.execution.isolation`), so that a driver's output cannot end up in a report or in
+Worker processes use it (`campaign.execution.isolation`), so that a driver's output cannot get into a report or into
 JSON. Other processes do not redirect output.
 """
 
@@ -14,7 +14,8 @@ import sys
 from dataclasses import dataclass
 
 SHOWN = 4_000
-"""Maximum number of characters kept from the beginning of a run's output, and from its end. Ours: two screens each."""
+"""Maximum number of characters kept from the beginning of a run's output, and as many from its end. Ours: two screens
+each."""
 LONGEST = 4_000_000
 """Size of the file above which its middle is dropped, bytes. Ours: so that a driver that prints in a loop does not fill
 the disk."""
@@ -22,12 +23,12 @@ the disk."""
 
 @dataclass
 class Printed:
-    """The output files of this process.
+    """The files to which the output of this process goes.
 
     Attributes:
         output: descriptor of the file, opened to append, that gets standard output and error.
         stacks: descriptor of the file that gets the stack of a process that crashes.
-        head: the beginning of the output, once the file was emptied.
+        head: the beginning of the output, kept when the file is emptied.
     """
 
     output: int
@@ -52,7 +53,7 @@ class Printed:
             os.ftruncate(self.output, 0)
 
     def end_after(self, seconds: float) -> None:
-        """End this process after this time (s): the only way out of library code that a signal handler cannot stop."""
+        """End this process after this time (s). No other way stops a call of library code that never returns."""
         faulthandler.dump_traceback_later(seconds, exit=True, file=self.stacks)
 
 
@@ -65,19 +66,19 @@ def keep_prints(output: int, stacks: int) -> None:
     for stream in (1, 2):
         os.dup2(output, stream)
     for text in (sys.stdout, sys.stderr):
-        with contextlib.suppress(AttributeError, OSError):  # replaced streams may lack it
+        with contextlib.suppress(AttributeError, OSError):  # a replaced stream may have no descriptor
             text.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     faulthandler.enable(file=stacks)
     _here[:] = [Printed(output, stacks)]
 
 
 def printed_here() -> Printed | None:
-    """Return the output files of this process, None if output is not redirected."""
+    """Return the output files of this process; None if its output is not redirected."""
     return _here[0] if _here else None
 
 
 def read_all(descriptor: int) -> bytes:
-    """Return a file's content; of a long file only its beginning and end."""
+    """Return the content of a file; of a long file only the beginning and the end."""
     size = os.fstat(descriptor).st_size
     if size <= 8 * SHOWN:
         return os.pread(descriptor, 8 * SHOWN, 0)
@@ -85,7 +86,7 @@ def read_all(descriptor: int) -> bytes:
 
 
 def shortened(data: bytes) -> str:
-    """Return output as text; of a long one only the beginning and the end."""
+    """Return output as text; of long output only the beginning and the end."""
     text = data.decode("utf-8", "replace")
     if len(text) <= 2 * SHOWN:
         return text
@@ -94,7 +95,7 @@ def shortened(data: bytes) -> str:
 
 def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(Exception):  # a driver may have closed or replaced it
+        with contextlib.suppress(Exception):  # the driver may have closed or replaced the stream
             stream.flush()
-    with contextlib.suppress(Exception):  # not every platform's C library has it
+    with contextlib.suppress(Exception):  # the C library of this platform may not have the function
         ctypes.CDLL(None).fflush(None)

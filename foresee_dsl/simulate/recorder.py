@@ -1,4 +1,4 @@
-"""Records all actors at every frame, and returns them as a trace."""
+"""Records the states of all actors at every frame, and returns them as a trace at the end of the run."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from foresee_dsl.simulate.triggers.record import DirectorRecord
 
 
 class Recorder:
-    """Collects frames of one run; `frame` once a step, `trace` at the end.
+    """Collects the frames of one run: call `frame` once a step, and `trace` at the end.
 
     Args:
-        actors: all actors in the scene's order, the ego first. state_table: their states.
+        actors: all actors in the scene's order, the ego first. state_table: the table with their states.
         signals: the signals of the bundle, by junction.
     """
 
@@ -31,9 +31,10 @@ class Recorder:
         self._rows: list[FloatArray] = []
         self._lanes: list[IntArray] = []
         self._along: list[FloatArray] = []
-        self._now_s: list[float] = []  # SUMO's time at each frame
-        self._until_s = -math.inf  # the next time at which a signal may switch
-        self._stages: list[tuple[int, list[int], list[float]]] = []  # first frame, stages, times at which they began
+        self._now_s: list[float] = []  # SUMO's time at each frame, s
+        self._until_s = -math.inf  # the next time at which a signal may switch, s
+        # For each change: first frame, stages, times at which the stages began.
+        self._stages: list[tuple[int, list[int], list[float]]] = []
         self.events: list[Event] = []
 
     @Part.RECORDING.measured
@@ -43,11 +44,13 @@ class Recorder:
 
     @property
     def frames(self) -> int:
-        """Number of recorded frames."""
+        """The number of frames recorded so far."""
         return len(self._rows)
 
     def stands_since(self, index: int, slower_mps: float) -> float:
-        """Return the time (s) from which an actor is slower than `slower_mps`; if it is not, the next frame's time."""
+        """Return the time (s) from which an actor has been slower than `slower_mps` without a break; the next frame's
+        time if it is not slower now.
+        """
         count = 0
         for row in reversed(self._rows):
             if row.item(index, SPEED) >= slower_mps:
@@ -69,18 +72,20 @@ class Recorder:
         return states
 
     def look_again(self) -> None:
-        """Read the signals again at the next frame: one of them was switched outside its program."""
+        """Read the signals at the next frame in any case, because one of them was switched outside its program."""
         self._until_s = -math.inf
 
     def _look_at_signals(self, signals: Signals) -> None:
-        """Record the signals' stages from this frame on, and the times (SUMO's) at which they began."""
+        """Record the signals' stages from this frame on, and the times (in SUMO's clock) at which these stages
+        began.
+        """
         stages = [signals.stage_span(signal.tls) for signal in self._signals]
         self._until_s = min((until for *_, until in stages), default=math.inf)
         self._stages.append((len(self._now_s), [stage for stage, *_ in stages], [since for _, since, _ in stages]))
 
     @Part.RECORDING.measured
     def trace(self, waypoints: FloatArray, meta: dict[str, Any], director: DirectorRecord) -> Trace:
-        """Return the trace of the run so far."""
+        """Return the trace of the run up to the current frame."""
         t, a, s = len(self._rows), len(self._actors), len(self._signals)
         # For each frame the index of its entry in `_stages`.
         at = np.searchsorted([first for first, *_ in self._stages], np.arange(t), side="right") - 1

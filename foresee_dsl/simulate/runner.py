@@ -50,7 +50,7 @@ def run(
     ideal: frozenset[DriverPart] = frozenset(),
     futures: Trace | None = None,
 ) -> RunResult:
-    """Run a test case. The same arguments give the same trace, in any process.
+    """Run a test case with a driver and return the result. The same arguments give the same trace, in any process.
 
     Args:
         bundle: the compiled test case.
@@ -90,7 +90,7 @@ def run(
 
 
 def _closed(driver: Driver, watch: DriverWatch) -> DriverFault | None:
-    """Close a driver that has `close`; return its exception, which does not change the verdict."""
+    """Close a driver that has a method `close`; return its exception, which does not change the verdict."""
     if not isinstance(driver, Closing):
         return None
     try:
@@ -102,7 +102,7 @@ def _closed(driver: Driver, watch: DriverWatch) -> DriverFault | None:
 
 
 class Run:
-    """One run, as the steps that `go` takes in turn; a caller that moves the ego itself takes them one by one."""
+    """One run and its state. `go` calls its steps in turn; a caller that moves the ego itself calls them one by one."""
 
     def __init__(
         self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings,
@@ -144,7 +144,9 @@ class Run:
             self._ideal, self._truth = ideal, GroundTruth(self._simulation, self._sensing, futures)
 
     def go(self) -> RunResult:
-        """Take frame after frame through the parts of a run, in this order, until one decides that the run ends."""
+        """Let each part of the run process frame after frame, in this order, until one of them decides that the run
+        ends.
+        """
         decision = self.reset()
         while decision is None:
             frame = self.next_frame()
@@ -173,16 +175,16 @@ class Run:
                 self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
                 if missing := self._ideal - frozenset(parts_of(self._driver)):
                     raise DriverError(f"the driver does not declare its {', '.join(sorted(missing))}")
-        except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
+        except (Exception, SystemExit, DriverHangs) as err:  # any exception of the driver is a result of the run
             failed = self._broken(err)
             self._order()
-            self._record(Frame(self._simulation.time_s))  # a trace has at least one frame
+            self._record(Frame(self._simulation.time_s))  # a trace must have at least one frame
             return failed
         self._watch.starts()
         return None
 
     def _order(self) -> None:
-        """Evaluate the triggers and carry out their orders; reads and sets no field of the frame."""
+        """Evaluate the triggers and carry out their orders; neither reads nor sets a field of the frame."""
         with Part.DIRECTOR:
             self._director.step()
 
@@ -216,12 +218,13 @@ class Run:
             frame.control = Control(*checked(answer))
             if DriverPart.CONTROL in self._ideal:
                 frame.control = self._exactly(frame.control)
-        except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
+        except (Exception, SystemExit, DriverHangs) as err:  # any exception of the driver is a result of the run
             frame.decision = self._broken(err)
 
     def _exactly(self, answer: Control) -> Control:
-        """Return the control that carries out the driver's plan, or else its answer, and let the vehicle follow it at
-        once."""
+        """Return the control that carries out the driver's plan (without a plan, its answer) at once: the vehicle
+        follows it without delay.
+        """
         ego = self._simulation.ego
         plan = self._driver.planned() if isinstance(self._driver, Planning) else None
         control = answer if plan is None else Control(*checked(control_for(plan, ego.limits, float(ego.speed))))
@@ -234,8 +237,8 @@ class Run:
             with Part.ACTORS:
                 left = self._simulation.step(frame.control)
         except SimulationError as err:
-            World.close_shared()  # the next run begins with a fresh SUMO
-            frame.decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator broke: {err}")
+            World.close_shared()  # SUMO may be in an undefined state, so the next run starts a new one
+            frame.decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator failed: {err}")
             return
         self._steps += 1
         for name in left:
@@ -271,7 +274,8 @@ class Run:
         reason = decision.reason
         if decision.verdict is Verdict.PASS:
             broken = [result.broken_sentence for result in expectations if not result.held]
-            reason = "; ".join((*broken, reason)).replace('"', "'")  # a mutant's file quotes the reason
+            # A mutant's file quotes the reason, and a text of the language cannot contain double quotes.
+            reason = "; ".join((*broken, reason)).replace('"', "'")
         meta = {
             "test_case": self._bundle.name,
             "driver": self._driver.name,
@@ -301,7 +305,7 @@ class Run:
 
 
 def _of_rules(decision: Decision, infractions: tuple[Infraction, ...]) -> Decision:
-    """Return the end of a run that passed otherwise, as a broken rule."""
+    """Return the result of a run that passed but broke a traffic rule: it fails by that rule."""
     first, *others = infractions
     more = f" ({len(others)} more)" if others else ""
     reason = f"rule: ego {first.clause} at {first.time_s:.2f} s{more}; {decision.reason}"

@@ -1,4 +1,4 @@
-"""The stages and colours of SUMO's signals; SUMO is queried only when a signal may have switched."""
+"""Reads the stages and colours of SUMO's signals; SUMO is queried only when a signal may have switched."""
 
 from __future__ import annotations
 
@@ -34,22 +34,24 @@ class Signals:
         """SUMO's time since the run began, s."""
 
     def look(self) -> None:
-        """Advance the time after a step of SUMO."""
+        """Advance `now_s` after a step of SUMO."""
         self._steps += 1
         self.now_s = round(self._steps * STEP_S, 6)
 
     def _since_begin(self, time_s: float) -> float:
-        # SUMO counts milliseconds: the rounded difference equals the number in a run that begins at 0.
+        # SUMO counts milliseconds, so the rounded difference equals the time in a run that begins at 0.
         return round(time_s - self._begins_s, 6)
 
     def start(self, bundle: SumoBundle, lead_s: float) -> None:
-        """Set the signals so that after `lead_s` they are as in the scene; other signals begin their first stage."""
+        """Set the signals so that after `lead_s` they are as the scene says; signals that the scene does not state
+        begin their first stage.
+        """
         begins = {junction: (stage, elapsed) for junction, stage, elapsed in bundle.scene.signals}
         for signal in bundle.signals.values():
             stage, elapsed = begins.get(signal.junction, (signal.stages[signal.phases[0].stage], 0.0))
             phase, left_s = signal.phase_at(stage, elapsed)
             self._spans.pop(signal.tls, None)
-            # The phase, with its remaining time as duration; SUMO's program continues from there.
+            # Set the phase with its remaining time as duration; from there SUMO continues the signal's program.
             self._lights.setPhase(signal.tls, phase)
             self._lights.setPhaseDuration(signal.tls, left_s + lead_s)
 

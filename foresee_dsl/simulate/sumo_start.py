@@ -1,4 +1,6 @@
-"""Options for starting SUMO, and its empty state: every run begins by loading it, ten times faster than a restart."""
+"""Starts SUMO: its options, and its empty state, which every run loads because that is ten times faster than a
+restart.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +31,17 @@ def options(bundle: SumoBundle) -> list[str]:
         "net-file": bundle.net_file,
         "additional-files": bundle.types_file,
         "step-length": STEP_S,
+        # SUMO 1.28 would remove a blocked vehicle after 300 s and put it back elsewhere on its route.
         "time-to-teleport": -1,
-        "time-to-impatience": -1,  # impatience grows with the waiting time, which a scene does not contain
+        # A driver in SUMO that has waited long becomes impatient and forces its way; a scene does not contain the
+        # waiting time.
+        "time-to-impatience": -1,
+        # SUMO would teleport vehicles that collide; here `Judging` decides what a contact means, and the run ends.
         "collision.action": "none",
         "pedestrian.striping.dawdling": 0,
         "save-state.precision": 17,
         "seed": _SUMO_SEED,
-        "message-log": os.devnull,  # "Loading state from ..." would go to the standard output
+        "message-log": os.devnull,  # "Loading state from ..." would be written to the standard output otherwise
     }
     if bundle.scene.has_sublanes:
         values["lateral-resolution"] = LATERAL_RESOLUTION_M
@@ -44,7 +50,7 @@ def options(bundle: SumoBundle) -> list[str]:
 
 
 class EmptyState:
-    """A saved state of SUMO without vehicles, in memory-backed storage."""
+    """The state of SUMO without vehicles, saved in a folder in memory."""
 
     def __init__(self, sumo: ModuleType) -> None:
         """Save the current state of SUMO; raises SUMO's own exceptions."""
@@ -53,14 +59,15 @@ class EmptyState:
         self._file = Path(self._folder.name) / "empty.xml"
         try:
             sumo.simulation.saveState(str(self._file))
-            # Drop the comment before the state, which repeats SUMO's configuration.
+            # Remove the comment before the state; it repeats SUMO's configuration, and would be read again in every
+            # run.
             self._text = "<snapshot" + self._file.read_text("utf-8").partition("<snapshot")[2]
         except BaseException:
             self.close()
             raise
 
     def load(self, models: set[str]) -> float:
-        """Load the state with a time later than all earlier runs of this process; return that time, s.
+        """Load the state with a time that is later than all earlier runs of this process; return that time, s.
 
         SUMO 1.28 stores for each edge when vehicles last considered changing lanes on it, and skips the edge if that
         was at the current time. Loading a state does not clear this. If all runs began at 0, a vehicle that reached an
@@ -69,13 +76,14 @@ class EmptyState:
         times on loading a state.
 
         Args:
-            models: vehicle types of the run; leaving out the other types halves the 2 ms of loading.
+            models: vehicle types of the run. The other types are left out, which halves the 2 ms of loading.
         """
         now_s = self._sumo.simulation.getTime()
         begins_s = math.ceil(now_s) + 1 if now_s > 0 else 0
         used = {*models, GHOST_TYPE}
         text = _VEHICLE_TYPE.sub(lambda match: match[0] if match[1] in used else "", self._text)
         text = re.sub(r'\btime="[^"]*"', f'time="{begins_s}.000"', text, count=1)
+        # In the state, `until` is a time in SUMO's clock (ms), so it moves with the beginning of the run.
         text = re.sub(r' until="(\d+)"', lambda match: f' until="{int(match[1]) + begins_s * 1000}"', text)
         self._file.write_text(text, "utf-8")
         self._sumo.simulation.loadState(str(self._file))
@@ -87,6 +95,6 @@ class EmptyState:
 
 
 def _memory_folder() -> str | None:
-    """Return a memory-backed folder; None (the usual temporary folder) without one."""
+    """Return a folder that is kept in memory; None without one, which means the usual folder for temporary files."""
     shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
     return shm if os.access(shm, os.W_OK) else None

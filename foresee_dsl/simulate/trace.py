@@ -1,4 +1,4 @@
-"""The trace of a run: all actors at every frame as numpy arrays; forecasts and clips are computed from it."""
+"""The trace of a run: all actors at every frame, as numpy arrays; forecasts and clips are computed from it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FORMAT = 1
 
 
 _DAMAGED = (KeyError, TypeError, AttributeError, ValueError, RecursionError)
-"""Exceptions of reading a file that is not a trace, or is damaged."""
+"""Exceptions that reading a file may raise if it is not a trace, or is damaged."""
 
 
 @dataclass(frozen=True)
@@ -104,14 +104,15 @@ class Trace:
     signal_stages: tuple[tuple[str, ...], ...]
     events: tuple[Event, ...] = ()
     meta: dict[str, Any] = field(default_factory=dict)
-    """test_case, driver, driver_version, seed, verdict, scenario (name), meaning (hash of what was run), ..."""
+    """Facts about the run: test_case, driver, driver_version, seed, verdict, scenario (name), meaning (hash of what was
+    run), ..."""
     director: DirectorRecord | None = None
     """The states of the run's triggers and orders; None in a file of a version that did not write them."""
 
     _ARRAYS = ("time_s", "states", "lanes", "along", "stages", "elapsed", "waypoints")
 
     def part(self, first: int, beyond: int | None = None) -> Trace:
-        """Return the part of the run from one frame up to before another (default: the end); its time begins at 0."""
+        """Return the frames from `first` up to (not including) `beyond` as a trace; its time begins at 0."""
         names = ("time_s", "states", "lanes", "along", "stages", "elapsed")
         cut = {name: getattr(self, name)[first:beyond] for name in names}
         return replace(self, **cut | {"time_s": cut["time_s"] - cut["time_s"][:1]})
@@ -123,7 +124,7 @@ class Trace:
 
     @property
     def duration_s(self) -> float:
-        """Time of the last frame, s."""
+        """Return the time of the last frame, s."""
         return float(self.time_s[-1]) if self.frames else 0.0
 
     def boxes(self, actor: int) -> NDArray[np.float64]:
@@ -146,7 +147,7 @@ class Trace:
     @cached_property
     @Part.RECORDING.measured
     def digest(self) -> str:
-        """Hash of all data except `meta` and `director`; equal runs have equal digests."""
+        """Return a hash of all data except `meta` and `director`; equal runs have equal digests."""
         h = hashlib.sha256()
         for name in self._ARRAYS:
             array = np.ascontiguousarray(getattr(self, name))
@@ -234,12 +235,13 @@ class Trace:
         if not (frames and actors) or len(self.signal_stages) != signals or not np.isfinite(self.time_s).all():
             raise ValueError("it has no frames, no actors, or signals without stages")
         if not -1 <= self.lanes.min() <= self.lanes.max() < len(self.lane_ids):
-            raise ValueError("an actor is on a lane that is not listed")
+            raise ValueError("an actor is on a lane that the file does not list")
 
     def _header(self, *, meta: bool) -> dict[str, Any]:
         header: dict[str, Any] = {
             "format": FORMAT,
-            "actors": [vars(a) for a in self.actors],  # flat, as JSON needs it; `asdict` copies each point of a path
+            # Fields of plain values, as JSON needs them; `asdict` would copy each point of a path.
+            "actors": [vars(a) for a in self.actors],
             "lane_ids": self.lane_ids,
             "signals": self.signals,
             "signal_stages": self.signal_stages,

@@ -45,15 +45,15 @@ LANE_CHANGE_MODEL = {"lcStrategic": "10000", _LOOKS: "10"}
 looks ahead by a distance that depends on the speed of the last 10 s, which a clip cannot restore (measured with SUMO
 1.28: a bus was off by 32 m after 10 s)."""
 CLOSE_S, CLOSE_M = 0.1, 0.5
-"""SUMO's headway (s) and standstill gap (m) of a vehicle with an order to keep a gap. Ours: two steps, so that it can
-still brake in time."""
+"""Headway (s) and standstill gap (m) that SUMO uses for a vehicle with an order to keep a gap. Ours: two steps, so that
+the vehicle can still brake in time."""
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
-"""Speed modes: 31 is SUMO's default; 55 ignores the right of way before and inside a junction; 39 ignores red lights
-too."""
+"""Speed modes of SUMO: 31 is the default; 55 ignores the right of way before and inside a junction; 39 also ignores red
+lights."""
 _BRAKES_IN_COMFORT = 4
-"""The bit of a speed mode that limits braking for a new speed to comfortable braking."""
+"""The bit of SUMO's speed mode that limits braking for a new speed to comfortable braking."""
 _CRAWLS_MPS = 0.1
-"""Lowest top speed that is set for a vehicle, m/s: SUMO refuses 0."""
+"""Lowest top speed that is set for a vehicle, m/s, because SUMO refuses 0."""
 _ASKS = 8
 """Speed mode of a vehicle that drives exactly the set speed but respects the right of way at junctions."""
 
@@ -63,8 +63,8 @@ class _Vehicle:
     """The settings and last state of a vehicle that SUMO drives."""
 
     cruise_mps: float = 0.0
-    edge: str = ""  # the last edge outside junctions, with the underscore that follows it in lane ids
-    lane: str = ""  # the lane after the last step
+    edge: str = ""  # the last edge outside junctions, followed by the underscore of its lane ids
+    lane: str = ""  # the lane that the vehicle was on after the last step
     factor: float = 1.0
     top_mps: float = math.nan  # the last top speed set in SUMO
     placed: bool = False
@@ -77,7 +77,7 @@ class Seen(NamedTuple):
     Attributes:
         names: their ids; the same object as after the previous step if the ids did not change.
         numbers: [3 N] for each vehicle x, y of the middle of its front bumper, m; then the N speeds, m/s.
-        changed: id and lane of the vehicles on another lane than after the previous step.
+        changed: id and lane of each vehicle that is on another lane than after the previous step.
     """
 
     names: tuple[str, ...]
@@ -110,10 +110,12 @@ class World:
         self._lanes: list[str] = []
         self._routes: dict[tuple[str, ...], str] = {}
         self._limits: dict[str, float] = {}
-        self._changed_limits: dict[str, float] = {}  # original limits of changed lanes
-        self._rates: dict[str, tuple[float, float, float]] = {}  # own rates of vehicles that were on slippery ground
-        self._usual: dict[str, tuple[float, float]] = {}  # own headway and gap of vehicles with an order to keep a gap
-        self._styled: set[str] = set()  # types of vehicles with a style
+        self._changed_limits: dict[str, float] = {}  # the original speed limits of lanes whose limit was changed
+        # The usual rates of vehicles that were on slippery ground.
+        self._rates: dict[str, tuple[float, float, float]] = {}
+        # The usual headway and gap of vehicles with an order to keep a gap.
+        self._usual: dict[str, tuple[float, float]] = {}
+        self._styled: set[str] = set()  # the types of vehicles with a style
         self.bodies = MovedBodies(self._sumo, self._errors, self._route)
         try:
             self._sumo.simulation.start(["sumo", *options(bundle)])
@@ -157,13 +159,16 @@ class World:
     # --- a run -----------------------------------------------------------------------------------------------------
 
     def reset(self, bundle: SumoBundle) -> None:
-        """Empty the world and set the signals as in the scene (others to the beginning of their first stage)."""
+        """Empty the world, and set the signals as the scene says; signals that it does not state begin their first
+        stage.
+        """
         actors = bundle.scene.actors
         begins_s = self._empty.load({name for actor in actors for name in (actor.model.name, actor.sumo_type)})
         self._vehicles.clear()
         self._on_road, self._names, self._lanes = (), (), []
         self._routes.clear()
-        for lane, speed_mps in self._changed_limits.items():  # SUMO keeps them when it loads a state
+        # SUMO 1.28 keeps changed speed limits when it loads a state.
+        for lane, speed_mps in self._changed_limits.items():
             self._sumo.lane.setMaxSpeed(lane, speed_mps)
             self._limits.pop(lane.rpartition("_")[0], None)
         self._changed_limits.clear()
@@ -241,18 +246,18 @@ class World:
         """Set the speed that a vehicle had during the last step; SUMO continues from it."""
         try:  # noqa: SIM105  at every step: `contextlib.suppress` costs as much as the call
             self._sumo.vehicle.setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
-        except self._errors:  # a body may have reached the end of its route
+        except self._errors:  # a body may have reached the end of its route, where SUMO removes it
             pass
 
     def remove(self, vehicle: str) -> None:
         """Remove a vehicle if it is there."""
         self._forget(vehicle)
         self.bodies.forget(vehicle)
-        with contextlib.suppress(*self._errors):  # it may have left by itself
+        with contextlib.suppress(*self._errors):  # the vehicle may have left by itself
             self._sumo.vehicle.remove(vehicle)
 
     def take_over(self, actor: PlacedActor) -> None:
-        """Move a vehicle from outside from now on that SUMO drove before."""
+        """Let a vehicle that SUMO drove be moved from outside from now on."""
         self._forget(actor.id)
         self.bodies.adopt(actor.id, actor.model.name, actor.route[-1:])
         self._sumo.vehicle.setSpeedMode(actor.id, 0)
@@ -301,18 +306,20 @@ class World:
         return vehicle in self._vehicles
 
     def set_speed(self, vehicle: str, speed_mps: float | None) -> None:
-        """Let a vehicle drive at a speed while that is safe; None: it follows the car-following model again."""
+        """Let a vehicle drive at a speed as long as that is safe; None: it follows the car-following model again."""
         self._sumo.vehicle.setSpeed(vehicle, -1.0 if speed_mps is None else speed_mps)
 
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:
-        """Set the speed of a vehicle where nothing hinders it, m/s; it may exceed the limit of the road."""
+        """Set the speed that a vehicle drives if nothing slows it down, m/s; it may exceed the speed limit of
+        the road.
+        """
         state = self._vehicles[vehicle]
         state.cruise_mps = max(speed_mps, _CRAWLS_MPS)
         self._set_top(vehicle, state, state.cruise_mps)
         self._limit_speed(vehicle, state, state.edge)
 
     def limit_speed(self, vehicle: str, speed_mps: float) -> None:
-        """Limit a vehicle's speed, to at most its cruising speed, until the latter is set again."""
+        """Limit a vehicle's speed, below its cruising speed, until `set_cruise` is called again."""
         state = self._vehicles.get(vehicle)
         if state is not None:
             self._set_top(vehicle, state, max(speed_mps, _CRAWLS_MPS))
@@ -333,7 +340,7 @@ class World:
         self._sumo.vehicle.setAccel(vehicle, acceleration_mps2)
 
     def hold_tyres(self, vehicle: str, most_mps2: float | None) -> None:
-        """Limit a vehicle's acceleration and braking to this value, m/s^2; None: to the rates of its type."""
+        """Limit a vehicle's acceleration and braking to this value, m/s^2; None restores the rates of its type."""
         api = self._sumo.vehicle
         rates = self._rates.setdefault(
             vehicle, (float(api.getAccel(vehicle)), float(api.getDecel(vehicle)), float(api.getEmergencyDecel(vehicle)))
@@ -350,17 +357,19 @@ class World:
         self._sumo.vehicle.setSpeedMode(vehicle, _mode(state.ignores))
 
     def brake(self, vehicle: str, speed_mps: float | None) -> None:
-        """Limit a vehicle's speed in the next step, without a limit on its braking; None: as before."""
+        """Limit a vehicle's speed in the next step, with as much braking as that needs; None ends the limit."""
         mode = _mode(self._vehicles[vehicle].ignores)
         self._sumo.vehicle.setSpeedMode(vehicle, mode if speed_mps is None else mode & ~_BRAKES_IN_COMFORT)
         self.set_speed(vehicle, speed_mps)
 
     def change_lane(self, vehicle: str, side: int) -> None:
-        """Order a change to the next lane: 1 to the higher index, -1 to the lower one; it keeps that lane for 60 s."""
+        """Order a change to the next lane, which the vehicle then keeps for 60 s; `side`: 1 to the higher index, -1 to
+        the lower one.
+        """
         self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
 
     def close_up(self, vehicle: str, *, on: bool) -> None:
-        """Let a vehicle come as near to others as its orders require, or keep the gap of its type again."""
+        """Let a vehicle come as near to others as its orders require (`on`), or keep the gap of its type again."""
         api = self._sumo.vehicle
         usual = self._usual.setdefault(vehicle, (float(api.getTau(vehicle)), float(api.getMinGap(vehicle))))
         tau_s, room_m = (CLOSE_S, CLOSE_M) if on else usual
@@ -368,14 +377,15 @@ class World:
         api.setMinGap(vehicle, room_m)
 
     def keep_to_lane(self, vehicle: str, index: int) -> None:
-        """Order a change to a lane of the edge, or staying on it, for the next two steps."""
+        """Order a vehicle to change to a lane of its edge, or to stay on it, for the next two steps."""
         self._sumo.vehicle.changeLane(vehicle, index, 2 * STEP_S)
 
     def look_ahead(self, vehicle: str) -> None:
-        """State how far a vehicle looks for the lane that its route needs.
+        """Tell SUMO again how far a vehicle looks ahead for the lane that its route needs.
 
-        SUMO 1.28 lets this decay while it drives slowly, and with it how early it brakes for a gap beside it: a bus
-        that had stood in its bay for 17 s came 3.3 m farther than in a clip that began 1 s after it had moved off.
+        While a vehicle drives slowly, SUMO 1.28 shortens this distance step by step, and with it how early the vehicle
+        brakes for a gap beside it: a bus that had stood in its bay for 17 s came 3.3 m farther than in a clip that
+        began 1 s after it had moved off.
         """
         self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{_LOOKS}", LANE_CHANGE_MODEL[_LOOKS])
 
@@ -421,7 +431,8 @@ class World:
     def _limit_speed(self, vehicle: str, state: _Vehicle, lane: str) -> None:
         """Set the speed factor with which a vehicle reaches its cruising speed on this edge, even above the limit.
 
-        It is set on every edge outside junctions, so that it depends on the current edge only, not on earlier ones.
+        It is set again on every edge outside junctions, so that it depends on the current edge only, not on earlier
+        ones.
         """
         state.edge = lane[: lane.rindex("_") + 1]
         factor = max(1.0, state.cruise_mps / self._speed_limit(state.edge[:-1]))
@@ -430,7 +441,7 @@ class World:
             self._sumo.vehicle.setSpeedFactor(vehicle, factor)
 
     def _speed_limit(self, edge: str) -> float:
-        """Return an edge's speed limit, m/s: that of its fastest lane, as lane 0 may be a sidewalk."""
+        """Return the speed limit of an edge, m/s: that of its fastest lane, because lane 0 may be a sidewalk."""
         limit = self._limits.get(edge)
         if limit is None:
             lanes = range(self._sumo.edge.getLaneNumber(edge))

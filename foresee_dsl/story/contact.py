@@ -1,4 +1,4 @@
-"""The class of a run's contact as people see it, and whether the mutation steered the opponent into the ego."""
+"""Classifies a run's contact as people see it, and finds out whether the mutation steered the opponent into the ego."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.story import ContactClass
 
 ALONG_RAD = math.pi / 4
-"""Two actors whose courses differ by less than this, modulo half a turn, rad, drive along each other: in the same or in
-the opposite direction. `simulate.results.outcome` uses the same angle for "the same direction"."""
+"""Two actors drive along each other, in the same or the opposite direction, if their courses differ by less than this,
+modulo half a turn, rad. `simulate.results.outcome` uses the same angle for "the same direction"."""
 TURNS_RAD = math.radians(5)
 """An ego whose heading changes by more than this within 1 s is turning, rad. Ours: a lane change at 50 km/h changes the
 heading by 4 degrees."""
@@ -37,7 +37,7 @@ def contact_class(facts: Facts) -> ContactClass:
 
 
 def steering_of(facts: Facts) -> Change | None:
-    """Return the change that moved the opponent sideways, if the mutation has one."""
+    """Return the change that moved the opponent sideways; None if the mutation has no such change."""
     other = facts.info(facts.opponent).id if facts.opponent else ""
     return next((c for c in facts.changes if c.actor == other and c.property in ("steer", "line")), None)
 
@@ -45,9 +45,9 @@ def steering_of(facts: Facts) -> Change | None:
 def steered_into(facts: Facts, impact: Impact) -> bool:
     """Return whether the opponent struck the ego because the mutation moved its wheels or its line towards the ego.
 
-    If the mutation turned its wheels and it moves at the contact, it struck the ego, whichever side touched first. If
-    the mutation only shifted its line, three conditions must hold: both drive along each other, the ego does not turn,
-    and the opponent struck the ego. An actor that crosses the ego's way would reach the ego on any line.
+    If the mutation turned its wheels and it moves at the contact, it struck the ego, no matter which side touched
+    first. If the mutation only shifted its line, three conditions must hold: both drive along each other, the ego does
+    not turn, and the opponent struck the ego. An actor that crosses the ego's way would reach the ego on any line.
     """
     if facts.opponent is None or impact.other_mps < STUCK_SPEED_MPS or not moved_towards(facts):
         return False
@@ -74,7 +74,7 @@ def steered_from(change: Change) -> int:
 
 
 def side_of(change: Change) -> float:
-    """Return a positive number if a change moves its actor to the left, a negative one if to the right."""
+    """Return a positive number if a change moves its actor to the left, and a negative number if to the right."""
     now, was = (value.si if isinstance(value, Quantity) else 0.0 for value in (change.now, change.was))
     return now - was
 

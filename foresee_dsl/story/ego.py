@@ -1,4 +1,4 @@
-"""The ego's part of a story: its moments, and its manoeuvre and motion at the end of the run."""
+"""The ego's part of a story: its moments during the run, and its manoeuvre and motion at the end."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from foresee_dsl.story.story import Moment
 from foresee_dsl.story.wording import kmh, quoted
 
 STANDS_FOR_S = 0.5
-"""A stop shorter than this is left out, s. Ours: a passenger does not notice it."""
+"""A stop shorter than this is not mentioned, s. Ours: a passenger does not notice it."""
 CREEPS_MPS = 3.0
 """An ego that was slower than this for the last second creeps, m/s. Ours: 11 km/h, a little over a walking pace."""
 EGO_BRAKES_MPS2 = 1.0
-"""Braking weaker than this is left out, m/s^2. Ours: releasing the accelerator slows a car by less than 1 m/s^2."""
+"""Braking weaker than this is not mentioned, m/s^2. Ours: releasing the accelerator slows a car by less than 1
+m/s^2."""
 BRAKES_HARD_MPS2 = 5.0
 """Braking at least this strong is hard, m/s^2: over 5 m/s^2 is an emergency manoeuvre in UN Regulation 157 (after
 `avoidance.r157.risk`)."""
 BRAKES_FOR_S = 0.15
-"""Braking shorter than this is left out, s. Ours: three frames, the delay of a brake."""
+"""Braking shorter than this is not mentioned, s. Ours: three frames, the delay of a brake."""
 EASES_S = 0.3
-"""Two brakings less than this apart count as one, s. Ours."""
+"""Two brakings less than this apart count as one braking, s. Ours."""
 ACCELERATES_MPS2, ACCELERATES_FOR_S = 0.8, 1.0
 """An acceleration at least this strong (m/s^2) for at least this long (s) is a moment of the story. Ours: half of the
 strongest acceleration of SUMO's cars in town."""
@@ -65,7 +66,7 @@ class EgoMotion:
     braked_s: float
 
     def manoeuvre(self, *, steered: bool) -> str:
-        """Return the manoeuvre in words that are the same in equal stories.
+        """Return the manoeuvre in words; two runs with equal stories have the same words.
 
         Args:
             steered: an actor was steered into the ego. The ego could not avoid that, so whether it stood or braked
@@ -78,9 +79,10 @@ class EgoMotion:
 
 
 def ego_of(facts: Facts, place: StoryPlace, whole: Facts) -> EgoMotion:
-    """Return the manoeuvre and motion of the ego at the end of a story, the first frames of a whole run.
+    """Return the manoeuvre and motion of the ego at the end of a story.
 
-    The brakings and accelerations are those of the whole run, which its moments name.
+    `facts` ends with the story; `whole` is the whole run, from which the brakings and accelerations are taken, because
+    the moments name those.
     """
     speed, last = facts.speed(0), facts.last
     stand = next((s for s in spans(speed < STANDS_MPS, 0.0) if s[1] == last), None)
@@ -102,7 +104,7 @@ def ego_of(facts: Facts, place: StoryPlace, whole: Facts) -> EgoMotion:
 
 
 def ego_moments(facts: Facts, end: int) -> tuple[Moment, ...]:
-    """Return the moments of the ego in the whole run, in the order of time; `end`: the last frame of its story."""
+    """Return the moments of the ego in the whole run, in the order of time; `end`: the last frame of the story."""
     return tuple(sorted(_moments(facts, _brakings(facts), end), key=lambda moment: moment.time_s))
 
 
@@ -143,7 +145,7 @@ def _brakings(facts: Facts) -> list[tuple[int, int]]:
 
 
 def _accelerations(facts: Facts, end: int) -> list[tuple[int, int]]:
-    """Return the accelerations that last for `ACCELERATES_FOR_S`, and the one at the frame `end`, however short."""
+    """Return the accelerations that last for `ACCELERATES_FOR_S`, and any acceleration at the frame `end`."""
     stretches = spans(facts.trace.states[:, 0, ACCELERATION] >= ACCELERATES_MPS2, 0.0, EASES_S)
     return [s for s in stretches if (s[1] - s[0]) * STEP_S >= ACCELERATES_FOR_S - 1e-9 or s[0] <= end <= s[1]]
 
@@ -173,7 +175,7 @@ def _moments(facts: Facts, brakings: list[tuple[int, int]], story_end: int) -> I
 
 
 def _slippery_moments(facts: Facts) -> Iterator[Moment]:
-    """Yield where it drives onto slippery ground: a patch within half the ego's width of its middle."""
+    """Yield the moments at which the ego drives onto slippery ground: a patch within half its width of its middle."""
     states, half_m = facts.trace.states[:, 0], facts.trace.actors[0].width_m / 2
     for patch in facts.bundle.scene.slippery:
         on = np.hypot(states[:, X] - patch.x, states[:, Y] - patch.y) <= patch.radius_m + half_m
@@ -197,7 +199,7 @@ def _braking_moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[
 
 
 def _route_moments(facts: Facts) -> Iterator[Moment]:
-    """Yield the junctions that it enters, its lane changes and its swerves."""
+    """Yield the moments at which the ego enters a junction, changes its lane or swerves."""
     inside = np.zeros(facts.trace.frames, dtype=np.bool_)
     for start, end, _ in facts.passages(0):
         inside[start : end + 1] = True

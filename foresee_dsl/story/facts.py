@@ -1,4 +1,4 @@
-"""The facts of one run from which its story is derived: trace, compiled scene, contact, the mutation's changes."""
+"""The facts of one run from which its story is derived: trace, compiled scene, contact, and the mutation's changes."""
 
 from __future__ import annotations
 
@@ -80,27 +80,27 @@ class Facts:
 
     @cached_property
     def infraction(self) -> Infraction | None:
-        """The first traffic rule that the ego broke in a run that failed by it; None for other runs."""
+        """Return the first traffic rule that the ego broke, if the run failed because of it; None for other runs."""
         failing = (broken for broken in self.infractions if broken.rule.fails)
         return next(failing, None) if self.verdict is Verdict.RULE else None
 
     @cached_property
     def infractions(self) -> tuple[Infraction, ...]:
-        """The traffic rules that the ego broke; none if the trace does not say."""
+        """Return the traffic rules that the ego broke; none if the trace has no record of them."""
         return infractions_in(self.trace.meta)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """The changes of the mutation; empty if the test case is not a mutant."""
+        """Return the changes of the mutation; empty if the test case is not a mutant."""
         return self.case.mutant.changes if self.case.mutant else ()
 
     @cached_property
     def opponent(self) -> int | None:
-        """Column of the actor that the story is about; None if it is about the ego alone.
+        """Return the column of the actor that the story is about; None if it is about the ego alone.
 
         After a contact it is the actor that was touched. An ego that got stuck or left the road has no opponent.
-        Otherwise it is the actor that the mutation changed or that is the clip's risk and, in a run that passed without
-        such an actor, the moving actor that came nearest.
+        Otherwise it is the actor that the mutation changed or that is the clip's risk. In a run that passed without
+        such an actor, it is the moving actor that came nearest.
         """
         if self.named is not None:
             return self.named
@@ -129,7 +129,9 @@ class Facts:
         return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
     def at_infraction(self) -> Facts:
-        """Return the facts of the run up to the frame at which the ego broke the rule; of other runs, of all of it."""
+        """Return the facts of the run up to the frame at which the ego broke the rule; of a run that did not fail by a
+        rule, the whole run.
+        """
         if self.infraction is None:
             return self
         end = self.trace.frame_at(self.infraction.time_s) + 1

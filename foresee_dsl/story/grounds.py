@@ -1,4 +1,6 @@
-"""The facts of a story by which a failure is judged: right of way, and how long each of the two had before the end."""
+"""Collects the facts by which a failure is judged: right of way, and how much time the ego and the opponent had before
+the end.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def grounds_of(facts: Facts, ego: EgoMotion, other: Opponent | None, place: Stor
 
 
 def _signal(facts: Facts) -> str:
-    """Return the junction with a signal that the ego entered last in the run, and the signal's colour then."""
+    """Return the junction with a signal that the ego entered last in the run, and the colour of its signal at that
+    time.
+    """
     signal = ""
     for start, _, movement in facts.passages(0):
         colour = facts.colour(movement, max(0, start - 1))
@@ -40,7 +44,7 @@ def _signal(facts: Facts) -> str:
 
 
 def _gives_way(facts: Facts, ego: EgoMotion, other: Opponent, place: StoryPlace) -> str:
-    """Return the rule by which the ego has to give way to the opponent, in words.
+    """Return the rule by which the ego has to give way to the opponent, in words; "" if it does not have to.
 
     Vienna Convention on Road Traffic (1968): a driver who turns gives way to pedestrians and cyclists on the road that
     the driver enters (articles 16.2 and 21.2); at a crossing without signals pedestrians go first (article 21.2); at
@@ -60,7 +64,7 @@ def _gives_way(facts: Facts, ego: EgoMotion, other: Opponent, place: StoryPlace)
     if mine is None or junction is None or mine.junction != other.movement.junction:
         return ""
     first = junction.yields(mine.index, other.movement.index) and not junction.yields(other.movement.index, mine.index)
-    return "the other one has the right of way at the junction" if first else ""
+    return "the opponent has the right of way at the junction" if first else ""
 
 
 def _at_crossing(facts: Facts, other: Opponent, place: StoryPlace, *, turns: bool) -> str:

@@ -31,7 +31,7 @@ SAME_LANE_M = 1.2
 """An opponent in the ego's direction whose middle is less than this to the ego's side, m, is ahead of it or behind it,
 otherwise beside it. Ours: half a car and half a bicycle."""
 APPROACH_S = 1.0
-"""Away from junctions, the direction from which the opponent comes is taken this long before the end, s. Ours: before
+"""Away from junctions, the direction from which the opponent comes is that of this time before the end, s. Ours: before
 most evasive manoeuvres."""
 OPPONENT_BRAKES_MPS2 = 2.0
 """An opponent's braking weaker than this is left out, m/s^2. Ours: SUMO's drivers brake less to keep their distance."""
@@ -39,10 +39,13 @@ OPPONENT_BRAKES_MPS2 = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Opponent:
-    """The opponent of a run, its behaviour in words.
+    """The opponent of a run, and its behaviour in words.
 
     Attributes:
-        facts: the run. actor: the opponent's column. place: where the run ended. contact: the class of the contact.
+        facts: the run.
+        actor: the opponent's column.
+        place: where the run ended.
+        contact: the class of the contact.
     """
 
     facts: Facts
@@ -52,48 +55,52 @@ class Opponent:
 
     @cached_property
     def sighting(self) -> Sighting:
-        """When the ego's sensors saw it."""
+        """Return when the ego's sensors saw the opponent."""
         return sighting_of(self.facts, self.actor)
 
     @property
     def kind(self) -> str:
-        """Its class, such as `pedestrian`."""
+        """Return the opponent's class, such as `pedestrian`."""
         return self.facts.info(self.actor).kind
 
     @property
     def name(self) -> str:
-        """Its name and, unless the name says it, its class."""
+        """Return the opponent's name and, unless the name states it, its class."""
         return full_name(self.facts.info(self.actor))
 
     @cached_property
     def sudden(self) -> bool:
-        """Whether it became visible from behind something shortly before the end (`SUDDEN_S`)."""
+        """Return whether the opponent became visible from behind something shortly before the end (`SUDDEN_S`)."""
         end_s = self.facts.trace.duration_s
         sighting = self.sighting
         return bool(sighting.hidden_by) and not sighting.from_start and sighting.before_s(end_s) < SUDDEN_S
 
     @cached_property
     def stands(self) -> bool:
-        """Whether it has stood for the last second, or is an obstacle."""
+        """Return whether the opponent has stood for the last second, or is an obstacle."""
         placed = self.facts.placed(self.actor)
         recent = self.facts.speed(self.actor)[max(0, self.facts.last - round(1 / STEP_S)) :]
         return (placed is not None and placed.control == "static") or bool((recent < STANDS_MPS).all())
 
     @cached_property
     def follows_path(self) -> bool:
-        """Whether it follows a path of its own instead of SUMO's lanes."""
+        """Return whether the opponent follows a path of its own instead of SUMO's lanes."""
         return bool(self.facts.info(self.actor).path)
 
     @cached_property
     def movement(self) -> Movement | None:
-        """Its movement through the junction at which the run ends, if it drives on SUMO's lanes there."""
+        """Return the opponent's movement through the junction at which the run ends; None if it does not drive on
+        SUMO's lanes there.
+        """
         if self.follows_path or self.place.kind == "road":
             return None
         return movement_near(self.facts, self.actor, self.facts.last, self.place)
 
     @cached_property
     def relation(self) -> str:
-        """Where it comes from relative to the ego, before both reached the place where the run ends."""
+        """Return, in words, where the opponent came from relative to the ego, before both reached the place where the
+        run ends.
+        """
         facts = self.facts
         if self.kind == "pedestrian":
             return _across(facts.relative_course(self.actor, facts.last), "walks")
@@ -113,7 +120,9 @@ class Opponent:
 
     @cached_property
     def breaks_rule(self) -> str:
-        """The rule that it breaks, in words: a red signal or the ego's right of way; "" if it breaks neither."""
+        """Return, in words, the rule that the opponent breaks: a red signal or the ego's right of way; "" if
+        neither.
+        """
         if self.movement is None:
             return ""
         start = self._entry
@@ -130,7 +139,7 @@ class Opponent:
 
     @cached_property
     def manoeuvre(self) -> str:
-        """Its manoeuvre, in words that are the same in equal stories."""
+        """Return the opponent's manoeuvre in words; two runs with equal stories have the same words."""
         if self.stands:
             return "stands"
         parts = ["pulls out" if self.pulls_out else self.relation]
@@ -146,14 +155,16 @@ class Opponent:
 
     @cached_property
     def steered(self) -> bool:
-        """Whether the mutation turned its wheels towards the ego, or made it strike the ego."""
+        """Return whether the mutation turned the opponent's wheels towards the ego, or made it strike the ego."""
         change = steering_of(self.facts)
         by_wheel = change is not None and change.property == "steer" and moved_towards(self.facts)
         return by_wheel or self.contact is ContactClass.STRUCK_BY_STEERED
 
     @cached_property
     def pulls_out(self) -> bool:
-        """Whether it is a vehicle that stood beside the lanes and has just moved off (`STARTED_WITHIN_S`)."""
+        """Return whether the opponent is a vehicle that stood beside the lanes and has just moved off
+        (`STARTED_WITHIN_S`).
+        """
         if self.kind in ("pedestrian", "bicycle") or not self.follows_path:
             return False
         first = max(0, self.facts.last - round(STARTED_WITHIN_S / STEP_S))
@@ -161,7 +172,10 @@ class Opponent:
 
     @cached_property
     def onto_road(self) -> int | None:
-        """The first frame from which its middle stays on the road; None if it always was there or is not at the end."""
+        """Return the first frame from which the opponent's middle stays on the road.
+
+        None if it was always there, or is not there at the end.
+        """
         if not self.follows_path:
             return None
         on_road = self._on_road
@@ -169,11 +183,11 @@ class Opponent:
         return int(off[-1]) + 1 if off.size and off[-1] < self.facts.last else None
 
     def ahead_m(self, frame: int) -> float:
-        """Return the gap between its footprint and the ego's at a frame, m."""
+        """Return the gap between the footprints of opponent and ego at a frame, m."""
         return self.facts.gap_m(self.actor, frame)
 
     def clause(self) -> str:
-        """Return what it did as the main clause of the story's sentence."""
+        """Return what the opponent did, as the main clause of the story's sentence."""
         if self.stands:
             return f"{self.name} stands"
         hiding = f" from behind {self.sighting.hidden_by}," if self.sudden else ""
@@ -190,7 +204,7 @@ class Opponent:
         return ", ".join([*parts, gap] if gap else parts)
 
     def moments(self) -> Iterator[Moment]:
-        """Yield its moments."""
+        """Yield the moments of the opponent."""
         facts, name = self.facts, name_of(self.facts.info(self.actor))
         if self.sighting.since_s is not None and not self.sighting.from_start:
             again = f" since {self.sighting.lost_s:.2f} s" if self.sighting.lost_s is not None else " until then"
@@ -269,7 +283,7 @@ class Opponent:
         return f"{verb} beside the ego on its {'left' if left > 0 else 'right'}"
 
     def _comes(self) -> str:
-        """Return where it came from and where it went, as a predicate."""
+        """Return where the opponent came from and where it went, as a predicate."""
         if self.pulls_out:
             left = self.facts.seen_from_ego(self.actor, self._moved_off)[1]
             return f"pulls out from the {'left' if left > 0 else 'right'}"
@@ -286,7 +300,9 @@ class Opponent:
         return what + (f" and turns {turn}" if turn in ("left", "right") else "")
 
     def _gap_words(self) -> str:
-        """Return its distance from the ego, and the ego's speed, when its manoeuvre began, in words; "" if unclear."""
+        """Return, in words, how far from the ego the opponent was when its manoeuvre began, and the ego's speed then;
+        "" if unclear.
+        """
         frame = self._onset
         if frame is None or frame <= 0 or (self.facts.last - frame) * STEP_S < 0.2:
             return ""
@@ -297,8 +313,11 @@ class Opponent:
 
     @cached_property
     def began(self) -> int | None:
-        """The frame at which it began what led to the end: it was steered, or of several moments the earliest at which
-        it moved off, came onto the road or entered the junction; None if it only went on."""
+        """Return the frame at which the opponent began what led to the end; None if it only continued as before.
+
+        That is when it was steered, or else the earliest frame at which it moved off, came onto the road or entered the
+        junction.
+        """
         if self.steered:
             return self._onset
         standing = self._moved_off if self.follows_path else 0
@@ -306,7 +325,10 @@ class Opponent:
 
     @property
     def _onset(self) -> int | None:
-        """The frame at which its manoeuvre began: it was steered, came onto the road or moved off; None if none did."""
+        """Return the frame at which the opponent's manoeuvre began: it was steered, came onto the road or moved off.
+
+        None if none of these happened.
+        """
         change = steering_of(self.facts)
         if self.steered:
             return steered_from(change) if change is not None and change.property == "steer" else None
@@ -318,13 +340,15 @@ class Opponent:
 
     @property
     def _moved_off(self) -> int:
-        """The last frame at which it stood, 0 if it never did."""
+        """Return the last frame at which the opponent stood; 0 if it never did."""
         standing = np.flatnonzero(self.facts.speed(self.actor) < STANDS_MPS)
         return int(standing[-1]) if standing.size else 0
 
     @cached_property
     def _entry(self) -> int | None:
-        """The frame at which it enters the junction where the run ends; None if it has no movement through it."""
+        """Return the frame at which the opponent enters the junction where the run ends; None if it has no movement
+        through it.
+        """
         if self.movement is None:
             return None
         passages = self.facts.passages(self.actor)

@@ -1,4 +1,6 @@
-"""Where in the road layout a run ended: on a crossing, in a junction and of which kind, on the road between."""
+"""Finds the place in the road layout where a run ended: on a crossing, in which kind of junction, or on the road
+between.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,8 @@ from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.wording import quoted
 
 NEAR_JUNCTION_M = 20.0
-"""Within this distance of a junction the ego is before or behind it, farther away between junctions, m. Ours: three
-cars and a crossing."""
+"""An ego within this distance of a junction is before or behind it; farther away it is between junctions, m. Ours:
+three cars and a crossing."""
 BESIDE_CROSSING_M = 1.0
 """A point up to this far beside a crossing's stripes is on the crossing, m. Ours: people cut its corners."""
 ROUNDABOUT_M = 60.0
@@ -28,7 +30,7 @@ _CONTROLS = {
     "right_before_left": "right-before-left",
     "allway_stop": "all-way stop",
 }
-"""SUMO's types of junctions in words; at all others, roads with priority meet roads without."""
+"""SUMO's types of junctions in words. At a junction of any other type, roads with priority meet roads without it."""
 _ARMS = {3: "three-arm junction", 4: "crossroads"}
 BENDS_RAD = math.radians(20)
 """Two roads whose directions differ by less than this where they meet, rad, are one straight road. Ours."""
@@ -40,7 +42,7 @@ class StoryPlace:
 
     Attributes:
         kind: `crossing`, `junction` or `road`.
-        name: words that are the same in equal layouts.
+        name: words that are the same for all places with an equal layout.
         junction: id of the junction at or near it, "" if there is none.
         text: words for a sentence, with a preposition unless it is a crossing.
     """
@@ -83,7 +85,7 @@ def _in_junction(network: RoadNetwork, junction: str) -> StoryPlace:
 
 
 def _on_road(facts: Facts, frame: int) -> StoryPlace:
-    """Return a place before, behind or between junctions; all of them have the same name, the road."""
+    """Return a place before, behind or between junctions. All such places have the same name, the road."""
     network, layout, lane_id = facts.network, _layout(facts.network), facts.nearest_lane(0, frame)
     through = network.movements_through(lane_id) if lane_id else ()
     if through and layout.arms[through[0].junction] > 2:
@@ -100,8 +102,10 @@ def _on_road(facts: Facts, frame: int) -> StoryPlace:
 
 
 def movement_near(facts: Facts, actor: int, frame: int, place: StoryPlace) -> Movement | None:
-    """Return an actor's movement through a place's junction: the current one, one that ended within 200 frames, or the
-    next one on its route."""
+    """Return an actor's movement through the junction of a place; None without one.
+
+    It is the current movement, one that ended within 200 frames, or the next one on the actor's route.
+    """
     for start, end, movement in facts.passages(actor):
         if movement.junction == place.junction and start <= frame:
             return movement if frame - end <= 200 else None
@@ -115,8 +119,8 @@ def movement_near(facts: Facts, actor: int, frame: int, place: StoryPlace) -> Mo
 def _behind(facts: Facts, crossing: Crossing, frame: int) -> bool:
     """Return whether the ego reaches a crossing when it leaves the junction, not when it enters it.
 
-    Once inside the junction, that holds unless the crossing lies only over the road from which the ego comes. Before,
-    it holds if the ego's road starts at the junction.
+    Inside the junction, that holds unless the crossing lies only over the road from which the ego comes. Before the
+    junction, it holds if the ego's road starts at the junction.
     """
     through = [p for p in facts.passages(0) if p[2].junction == crossing.junction and p[0] <= frame]
     if through:
@@ -202,7 +206,7 @@ def _layout(network: RoadNetwork) -> _Layout:
 
 def _rings(network: RoadNetwork) -> Mapping[str, int]:
     """Return the junctions of roundabouts, small rings of one-way edges, each with the number of its roundabout."""
-    import networkx as nx  # imported here: the import is slow, and few runs need a story
+    import networkx as nx  # imported here, because the import is slow and few runs need a story
 
     pairs = {(edge.start, edge.end) for edge in network.edges.values() if edge.for_kind("car")}
     graph: nx.DiGraph[str] = nx.DiGraph()

@@ -1,4 +1,4 @@
-"""Since when the ego's sensors have seen the opponent without a break, and what hid it before."""
+"""Finds out since when the ego's sensors have seen the opponent without a break, and what hid it before."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.wording import full_name
 
 LOOKS_BACK_S = 10.0
-"""The search goes back this far from the end, s. Ours: nearly all relevant times to collision are shorter, and a clip
-is 10 s long at most by default."""
+"""The search goes back this far from the end, s. Ours: nearly all relevant times to collision are shorter, and by
+default a clip is 10 s long at most."""
 BLINK_S = 0.25
 """A shorter loss of sight is ignored, s. Ours: a post between the two hides a walker for two or three frames."""
 _BEAM_M = 0.1

@@ -1,4 +1,6 @@
-"""The story of a run as immutable records: moments with times, one sentence, and the words that equal stories share."""
+"""The story of a run as immutable records: moments with times, one sentence, and the words by which stories are
+compared.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from foresee_dsl.documents import or_null, rounded
 
 
 class ContactClass(StrEnum):
-    """Classes of contacts that people judge differently."""
+    """Classes of contacts that a person who reviews failures judges differently."""
 
     HIT_WHILE_STANDING = "hit while standing"
     """The ego stood, and the opponent moved."""
@@ -29,10 +31,11 @@ class ContactClass(StrEnum):
 
 @dataclass(frozen=True)
 class Moment:
-    """Something that began at a moment of a run.
+    """An event at a moment of a run.
 
     Attributes:
-        time_s: time since the run's first frame, s. actor: id of the actor that did it.
+        time_s: time since the run's first frame, s.
+        actor: id of the actor that did it.
         kind: one word for it (`brakes`, `appears`, `contact`, ...).
         text: what happened, with the actor's name and without the time.
     """
@@ -49,7 +52,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Grounds:
-    """What a judgement of a failure needs to know; the times count back from the end of the run.
+    """The facts that a judgement of a failure needs; the times count back from the end of the run.
 
     Attributes:
         stood_s: how long the ego had stood, s. braked_s: how long it had been braking, s; 0 if it did not brake.
@@ -86,7 +89,8 @@ class Story:
         opponent: id of the actor that the story is about; "" if it is about the ego alone.
         opponent_kind: its class (`pedestrian`, `car`, ...), "" for none.
         contact: the class of the contact.
-        ego_manoeuvre, opponent_manoeuvre: what each was doing, in words that are the same in equal stories.
+        ego_manoeuvre, opponent_manoeuvre: what each was doing, in words that are the same in stories that count as
+        equal.
         place: where in the road layout the run ended, in such words.
         touch: the side of the ego that was touched first; "" without a contact, or if the side is a matter of chance.
         mutation: what the mutation changed, in words; "" without a mutation.
@@ -123,11 +127,11 @@ class Story:
 
     @property
     def role(self) -> str:
-        """Class of the opponent, where all motor vehicles are one class."""
+        """Return the class of the opponent, where all motor vehicles are one class."""
         return self.opponent_kind if self.opponent_kind in ("", "pedestrian", "bicycle", "obstacle") else "vehicle"
 
     @property
     def signature(self) -> tuple[str, ...]:
-        """The words that are equal in equal stories."""
+        """Return the words that decide whether two stories are equal."""
         manoeuvres = self.ego_manoeuvre, self.opponent_manoeuvre
         return (self.role, *manoeuvres, self.place, self.contact.value, self.touch)

@@ -1,4 +1,4 @@
-"""Tells the story of a run, from its trace and its test case."""
+"""Tells the story of a run from its trace and its test case."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from foresee_dsl.story.title import title_of
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of, quoted, short, with_side
 
 STOOD_S = 1.0
-"""An ego that has stood for less than this has just stopped, s. Ours."""
+"""An ego that has stood for less than this is said to have just stopped, s. Ours."""
 SEEN_SHORTLY_S = 3.0
 """The sentence states how long the ego saw the opponent if that is shorter than this, s. Ours: three times what a
 driver needs."""
@@ -96,13 +96,15 @@ def _of_rule(broken: Infraction, ego: EgoMotion) -> str:
 
 
 def _clause(broken: Infraction) -> str:
-    """Return a broken rule in words, with its names in quotes: `runs red at 'king_oak'`."""
+    """Return a broken rule in words, with its names in quotes, such as `runs red at 'king_oak'`."""
     return replace(broken, other=broken.other and quoted(broken.other), place=quoted(broken.place)).clause
 
 
 def _touch(contact: ContactClass, impact: Impact | None) -> str:
-    """Return the side of the ego that was touched; "" if that is a matter of chance, because the ego stood or an actor
-    was steered into it."""
+    """Return the side of the ego that was touched.
+
+    It is "" if the side is a matter of chance, because the ego stood or an actor was steered into it.
+    """
     alike = (ContactClass.STRUCK_BY_STEERED, ContactClass.HIT_WHILE_STANDING)
     return "" if impact is None or contact in alike else with_side(impact.side)
 
@@ -124,7 +126,7 @@ def _ego_clause(facts: Facts, ego: EgoMotion, other: Opponent, impact: Impact | 
 
 
 def _ends(ego: EgoMotion, impact: Impact) -> str:
-    """Return the contact as the end of the sentence: who hit whom, with which side, at which speed."""
+    """Return the contact as the end of the sentence: who hit whom, with which side, and at which speed."""
     speed = f"at a relative speed of {impact.relative_mps:.1f} m/s"
     side, theirs = with_side(impact.side), with_side(impact.other_side)
     match impact.struck_by:
@@ -187,7 +189,7 @@ def _alone(facts: Facts, ego: EgoMotion, place: StoryPlace) -> str:
 
 
 def _changed(change: Change, facts: Facts) -> str:
-    """Return the effect of a change in words: `walker is 1.38 times as fast`."""
+    """Return the effect of a change in words, such as `walker is 1.38 times as fast`."""
     actor = quoted(change.actor)
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
         return f"{actor} has the {change.property} {_written(change.now)} instead of {_written(change.was)}"
@@ -218,7 +220,9 @@ def _moves_at_first(facts: Facts, actor: str) -> bool:
 
 
 def _written(value: Quantity | str | Expression) -> str:
-    """Return a model's name (`car.suv`) as written, any other value as a number in SI."""
+    """Return a value as text: the name of a model (`car.suv`) as it is written, any other value as a number in SI
+    units.
+    """
     return short(str(value)) if isinstance(value, str) else f"{si_of(value):g}"
 
 
@@ -226,12 +230,14 @@ def _written(value: Quantity | str | Expression) -> str:
 
 
 def _waiting(facts: Facts) -> str:
-    """Return what is ahead of the ego at the end of a run, in words."""
+    """Return, in words, what is ahead of the ego at the end of a run."""
     return f"{_signal(facts)}, {_in_front(facts)}"
 
 
 def _signal(facts: Facts) -> str:
-    """Return the next junction on the ego's route in words: its distance, its signal's colour and for how long."""
+    """Return the next junction on the ego's route in words: its distance, the colour of its signal and for how long it
+    had it.
+    """
     line = facts.bundle.scene.ego.line
     if line is None:
         return "no junction is ahead"
@@ -254,7 +260,7 @@ def _signal(facts: Facts) -> str:
 
 
 def _in_front(facts: Facts) -> str:
-    """Return the nearest actor in front of the ego in words."""
+    """Return the nearest actor in front of the ego, in words."""
     (x, y), heading = facts.xy(0, facts.last), facts.heading(0, facts.last)
     states = facts.trace.states[facts.last, 1:]
     dx, dy = states[:, X] - x, states[:, Y] - y

@@ -1,4 +1,4 @@
-"""The title of a story: one sentence of at most eight words, which leaves room for four that tell it from others."""
+"""Writes the title of a story: at most eight words, to which up to four more are added to tell equal titles apart."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def _alone(facts: Facts, ego: EgoMotion, going: str, place: StoryPlace) -> str:
 
 
 def _fitting(*titles: str) -> str:
-    """Return the first title that has at most `TITLE_WORDS` words, else the last."""
+    """Return the first title that has at most `TITLE_WORDS` words; without one, the last title."""
     return next((title for title in titles if len(title.split()) <= TITLE_WORDS), titles[-1])
 
 
 def _doing(other: Opponent, noun: str) -> str:
-    """Return the opponent and what it does in at most four words: `cyclist beside it`."""
+    """Return the opponent and what it does in at most four words, such as `cyclist beside it`."""
     acts = (
         (other.stands, f"standing {noun}"),
         (other.steered, f"steered {noun}"),

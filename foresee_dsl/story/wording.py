@@ -1,11 +1,12 @@
-"""Words of stories: the names, sides, distances and speeds in their sentences."""
+"""Words of stories: how names, sides, distances and speeds are written in their sentences."""
 
 from __future__ import annotations
 
 from foresee_dsl.simulate.trace import ActorInfo
 
 LONGEST_NAME = 40
-"""Longer names are cut in sentences, characters. Ours: four times the longest of the bundled scenarios."""
+"""Maximum length of a name in a sentence, characters; longer names are cut. Ours: four times the longest of the bundled
+scenarios."""
 _SAYS_ITSELF = {"walker": "pedestrian", "pedestrian": "pedestrian", "cyclist": "bicycle", "bicycle": "bicycle"}
 """Names that state the class of their actor."""
 

@@ -94,9 +94,9 @@ def test_a_reference_driver_is_a_judge_who_needs_the_trace_alone(struck: tuple[T
 
 def test_a_failure_says_what_is_not_at_hand(struck: tuple[TestCase, RunResult]) -> None:
     case, failed = struck
-    with pytest.raises(ValueError, match="only the trace is at hand"):
+    with pytest.raises(ValueError, match="only the trace of this failure is available"):
         _ = Failure(failed.trace).result
-    with pytest.raises(ValueError, match="only the trace is at hand"):
+    with pytest.raises(ValueError, match="only the trace of this failure is available"):
         _ = Failure(failed.trace).bundle
     with pytest.raises(ValueError, match="did not fail"):
         Failure.of(replace(failed, verdict=Verdict.PASS), case)

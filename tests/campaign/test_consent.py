@@ -116,7 +116,7 @@ def mutant(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("minimise", (), "--run-programs"),
         ("show", (), ""),
         ("view", ("--output", "page.html"), ""),
-        ("export", ("openscenario", "--out", "exported"), "name it with --driver, or another"),
+        ("export", ("openscenario", "--out", "exported"), "write it, or another driver, with --driver"),
         ("repin", ("--run",), ""),
     ],
 )

@@ -86,7 +86,7 @@ def test_a_truncated_database_is_replaced_by_what_is_left_of_it(tmp_path: Path, 
     file = filled(tmp_path) / "runs.sqlite"
     data = file.read_bytes()
     file.write_bytes(data[: int(len(data) * share)])
-    with pytest.raises(StoreError, match=r"is damaged .*keeps what can be read of it"), \
+    with pytest.raises(StoreError, match=r"is damaged .*rescues the results that can be read"), \
             Store(tmp_path, write=False) as reader:  # fmt: skip
         list(reader.rows())
     with Store(tmp_path) as store:

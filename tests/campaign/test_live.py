@@ -118,7 +118,7 @@ def test_what_is_not_usable_or_broken_is_said_at_once() -> None:
     assert said == [
         "not usable: runner: it was F2",
         "broke: m1: it was crash",
-        "could not be done: forecast r01: no idea",
+        "could not be run: forecast r01: no idea",
     ]
 
 

@@ -310,7 +310,7 @@ def test_what_is_no_failing_mutant_is_refused_in_words(done: Path, names: list[s
     finally:
         stale.unlink()
     (tmp_path / "campaign.json").write_text("[1]")
-    assert "is not what a campaign writes" in says("minimise", "nothing", "--campaign", tmp_path)
+    assert "was not written by a campaign of this version" in says("minimise", "nothing", "--campaign", tmp_path)
 
 
 def _stale(text: str) -> str:

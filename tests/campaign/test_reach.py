@@ -112,7 +112,9 @@ def test_an_operator_that_there_is_not_is_a_mistake(cases: tuple[TestCase, ...])
     point = replace(ReachRanker().rank(trace)[0], operator="teleport")
     made = clip(case, trace, point, before_s=5.0, after_s=5.0, name="one", parent="crosser.foresee")
     own = expand_clip(made, case, source=Path("one.foresee"))
-    with pytest.raises(ForeseeError, match=r"clip one: its `risk` line says `by teleport`, write one of: .*steer"):
+    with pytest.raises(
+        ForeseeError, match=r"clip one: its `risk` line has the unknown `by teleport`; write one of: .*steer"
+    ):
         Mutator(own, made, trace, preset="paper")
 
 

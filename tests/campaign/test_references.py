@@ -80,7 +80,7 @@ def test_a_driver_that_is_elsewhere_or_comes_later_anyhow_is_not_comparable(tmp_
     failing, passing = (run_test_case(case, driver, 0).trace for driver in ("pdm", "idm"))
     bundle, opponent = compile_test_case(case), failing.index("other")
     assert compared(failing, passing, bundle).how
-    for actor, words in ((0, ("anyhow", "another way")), (opponent, ("elsewhere",))):
+    for actor, words in ((0, ("in any case", "another way")), (opponent, ("elsewhere",))):
         states = passing.states.copy()
         heading = states[0, 0, HEADING]
         back_m = 4 * SAME_PLACE_M + 4 * failing.states[:, 0, SPEED].max()

@@ -17,7 +17,7 @@ from tests.campaign.test_isolation import alive
 from tests.support import bad_driver
 from tests.support.command import foresee
 
-SETERR = "changed what numpy does about floating-point errors (numpy.seterr)"
+SETERR = "changed how numpy handles floating-point errors (numpy.seterr)"
 OPTIONS = ("--jobs", "1", "--risky-points", "1", "--children", "2", "--against", "none", "--quiet", "--json")
 
 

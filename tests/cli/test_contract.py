@@ -262,4 +262,4 @@ def test_a_trace_that_is_none_or_damaged(scenarios: Path, tmp_path: Path) -> Non
 
 
 def test_a_folder_without_recorded_failures(scenarios: Path) -> None:
-    assert "no tests there" in foresee("verify", scenarios).stdout
+    assert "there are no tests" in foresee("verify", scenarios).stdout

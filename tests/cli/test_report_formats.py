@@ -74,7 +74,7 @@ def test_a_missing_or_broken_format_is_named_with_its_package(site: Path, scenar
     refused = foresee(site, "sample", file, "--format", "lins", code=2).stderr
     assert "'lins' is not one of 'table', 'json', 'cases', 'fails', 'gone', 'lines', 'number'." in refused
     for name, why in (
-        ("number", "it returned int, not a text"),
+        ("number", "it returned int instead of a text"),
         ("fails", "has no attribute 'nothing'"),
         ("gone", "No module named 'acme_gone'"),
     ):

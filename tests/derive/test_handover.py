@@ -207,7 +207,7 @@ def test_a_clip_from_the_run_s_beginning_has_none(seed: tuple[TestCase, RunResul
 
 def test_a_hand_over_ends_before_the_mutation(seed: tuple[TestCase, RunResult]) -> None:
     assert "recorded 2.00 s" in print_model(cut(seed, 3.0 - DRIVES_S))
-    with pytest.raises(ValueError, match=r"it has to end 1 s before the risky point, which is 3 s after"):
+    with pytest.raises(ValueError, match=r"it must end 1 s before the risky point, which is 3 s after"):
         cut(seed, 2.1)
 
 

@@ -214,7 +214,7 @@ def test_a_boundary_says_that_its_region_is_broken() -> None:
     edge = Boundary("walker.timing", "", 0.01, 1.0, 1.36, fails=1.16, also_fails=1.07, passes=1.06, tried=trials)
     assert edge.broken and edge.sharp
     assert edge.sentence == (
-        "walker.timing fails at 1.16 (also at 1.07), passes at 1.06; the failing region is broken: 1.12 passes again"
+        "walker.timing fails at 1.16 (also at 1.07), passes at 1.06; the failing region has gaps: 1.12 passes again"
     )
     whole = replace(edge, fails=1.07, tried=trials[:2])
     assert not whole.broken and whole.sentence == "walker.timing fails at 1.07, passes at 1.06"

@@ -237,7 +237,7 @@ def test_odd_objects_are_a_driver_error_or_finite(answer: dict[str, object]) -> 
         ("external:  ", "names no program"),
         ("external:python3 'x", "cannot be split"),
         ("external:no_such_program_here x", "there is no program 'no_such_program_here'"),
-        ("pdm:fast", "takes nothing after its name"),
+        ("pdm:fast", "takes no argument"),
     ],
 )
 def test_a_wrong_address_is_said_before_anything_runs(address: str, why: str) -> None:
@@ -298,9 +298,12 @@ open(__file__ + ".end", "w").write(json.dumps(hear()))
 
 BREAKS = {
     "dies": ("ready(); hear(); sys.exit(3)", r"it ended \(exit code 3\) without an answer$"),
-    "raises": ("ready(); hear(); raise ValueError('no map \"x\"')", r"exit code 1\).*; it said: .*ValueError: no map"),
+    "raises": (
+        "ready(); hear(); raise ValueError('no map \"x\"')",
+        r"exit code 1\).*; the end of its stderr: .*ValueError: no map",
+    ),
     "is killed": ("ready(); hear(); os.kill(os.getpid(), 9)", r"by signal 9"),
-    "never starts": ("sys.exit('no licence')", r"exit code 1\) without an answer; it said: no licence"),
+    "never starts": ("sys.exit('no licence')", r"exit code 1\) without an answer; the end of its stderr: no licence"),
     "closes its output": ("ready(); hear(); os.close(1); time.sleep(60)", r"closed its output"),
     "hangs": ("ready(); hear(); time.sleep(60)", r"did not answer within 0.5 s"),
     "hangs at reset": ("time.sleep(60)", r"did not (answer|read its line) within 1 s"),
@@ -311,11 +314,11 @@ BREAKS = {
     "wrong first line": ('hear(); say(\'{"type": "hello"}\')', r'first line must be .*"ready"'),
     "bad name": ('hear(); say(\'{"type": "ready", "name": "a b", "version": "1"}\')', "name must be"),
     "says NaN": ("ready(); hear(); say(GO.replace('0.5', 'NaN'))", "not JSON"),
-    "two lines": ("ready(); hear(); say(GO + chr(10) + GO)", "more than one line for one message"),
-    "speaks unasked": ("ready(); say(GO); hear(); say(GO); hear()", "without a message to answer|more than one line"),
+    "two lines": ("ready(); hear(); say(GO + chr(10) + GO)", "one message with more than one line"),
+    "speaks unasked": ("ready(); say(GO); hear(); say(GO); hear()", "no message was waiting|more than one line"),
     "a long line": ("ready(); hear(); say('x' * 100_000); time.sleep(60)", f"more than {LONGEST_LINE} bytes"),
     "floods": ("ready()\nwhile True: sys.stdout.write('x' * 8000)", "without a message|bytes|more than one line"),
-    "floods lines": ("ready(); hear()\nwhile True: say(GO)", "more than one line|without a message to answer"),
+    "floods lines": ("ready(); hear()\nwhile True: say(GO)", "more than one line|no message was waiting"),
     "floods stderr": (
         "ready(); hear()\nwhile True: sys.stderr.write('x' * 8000)",
         "did not answer within 0.5 s; .*xxx",
@@ -457,7 +460,7 @@ def test_the_documented_example_drives_to_its_goal(tmp_path: Path, scenarios: Pa
     ("text", "reason"),
     [
         ("ready(); hear(); say(GO); hear(); sys.exit(4)", r"the driver broke: .*it ended \(exit code 4\)"),
-        ("sys.exit('\"quoted\"')", r"the driver broke: .*it said: 'quoted'$"),
+        ("sys.exit('\"quoted\"')", r"the driver broke: .*the end of its stderr: 'quoted'$"),
     ],
 )
 def test_a_program_that_breaks_is_a_crash(
@@ -496,7 +499,7 @@ def test_a_campaign_goes_on_when_the_program_dies_in_one_test_case(
     data = json.loads(foresee("campaign", far, near, "--driver", driver, "--out", tmp_path / "out", "--json", code=1))
     by_file = {Path(case["test_case"]).name: case for case in data["test_cases"]}
     assert by_file[far.name]["verdict"] == "crash"
-    assert "it ended (exit code 1) without an answer; it said: lost my way" in by_file[far.name]["reason"]
+    assert "it ended (exit code 1) without an answer; the end of its stderr: lost my way" in by_file[far.name]["reason"]
     assert by_file[near.name]["verdict"] == "pass"
     assert data["broken"] == []
 

@@ -73,7 +73,7 @@ def test_a_campaigns_test_cases_stay_inside_the_project(tmp_path: Path, path: st
     (project / ".git").mkdir(parents=True)
     file = project / "all.foresee"
     file.write_text(CAMPAIGN % path, encoding="utf-8")
-    with pytest.raises(InputError, match=r"FS138 .* leads out of the project folder"):
+    with pytest.raises(InputError, match=r"FS138 .* is outside the project folder"):
         read_campaign(file)
 
 

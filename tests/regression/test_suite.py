@@ -24,7 +24,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Project:
     project.write_driver(COASTS)
     clip = f"out/children/crosser/{CLIP}.foresee"
     project.foresee("keep", MUTANT, clip, "crosser.foresee::last")
-    assert "expected  nothing is recorded for keeper 1 via external:" in verify(
+    assert "expected  no result is recorded for keeper 1 via external:" in verify(
         project, "regressions", "--update", expect=0
     )
     project.commit()
@@ -117,7 +117,7 @@ def test_keeping_again_changes_nothing(project: Project) -> None:
 
 def test_names_that_clash_are_told(project: Project) -> None:
     told = project.foresee("keep", MUTANT, "--full", expect=1)  # as it failed first: another clip, so another meaning
-    assert "is there already, and is another test case: `--as NAME`" in told
+    assert "exists already and is another test case: `--as NAME`" in told
     assert project.git("status", "--short") == ""
     data = checked(project.foresee("keep", MUTANT, "--full", "--as", "as_it_failed", "--json"))
     assert data["copied"] == [f"regressions/parents/{CLIP}_2.foresee"] and data["tests"][0]["new"]
@@ -203,7 +203,11 @@ def test_a_folder_is_moved_its_parent_edited_harmlessly_and_it_is_pruned(project
     found = verified(project, folder="tests/suite", expect=0)
     assert found["ok"] and set(found["status"].values()) == {"as_expected"}
     notes = {Path(one["file"]).stem: one["note"] for one in found["tests"]}
-    assert "does not reach it" in notes[MUTANT] and "does not reach it" in notes[CLIP] and not notes["crosser_last"]
+    assert (
+        "does not change this test" in notes[MUTANT]
+        and "does not change this test" in notes[CLIP]
+        and not notes["crosser_last"]
+    )
     assert "nothing to remove" in project.foresee("keep", "--prune", "--to", "tests/suite")
     (project.root / f"tests/suite/{MUTANT}.foresee").unlink()
     told = project.foresee("keep", "--prune", "--to", "tests/suite")

@@ -156,7 +156,7 @@ def test_a_nan_is_refused(field: str) -> None:
 
 def test_what_is_no_control_is_refused() -> None:
     answer: object = None
-    with pytest.raises(ValueError, match="not a control"):
+    with pytest.raises(ValueError, match="it must answer a Control"):
         Bicycle(SEDAN).step(BicycleState(0, 0, 0, 5.0), answer, DT)  # type: ignore[arg-type]  # what a driver may do
 
 

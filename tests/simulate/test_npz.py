@@ -71,13 +71,13 @@ def test_a_head_that_claims_any_size_sets_no_memory_aside() -> None:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("states.npy", head + b"\n" + bytes(800))
-    with pytest.raises(ValueError, match=r"the head of its array states.npy does not fit"):
+    with pytest.raises(ValueError, match=r"its array states.npy does not have the size"):
         read_arrays(file)
 
 
 def test_pickles_are_not_loaded() -> None:
     data = packed(states=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(ValueError, match="does not fit"):
+    with pytest.raises(ValueError, match="does not have the size"):
         read_arrays(io.BytesIO(data))
 
 

@@ -37,7 +37,7 @@ WALKER = """pedestrian walker: pedestrian.adult {
 BARRIER = "obstacle barrier: obstacle.barrier { start at 80 m along main }"
 END = (
     "behind walker (pedestrian), which came to the end of its path in the ego's way after 5.70 s and stays there: "
-    "let the scenario's path go on beyond the lane"
+    "extend its path in the scenario beyond the lane"
 )
 
 

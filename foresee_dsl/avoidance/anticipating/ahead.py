@@ -1,11 +1,10 @@
-"""The driver model that is cautious from the clip's beginning.
-
-It follows the recorded path, never ahead of the recorded ego.
+"""The driver model that is cautious from the clip's beginning: it follows the recorded path, never ahead of the
+recorded ego.
 
 It is no faster than the recorded driver at any place, slows with easy braking for possible hazards (`hazards`), keeps
-two seconds behind others, stops at signals that have changed meanwhile, and brakes after the reaction time for an actor
-that comes into its way (`foresight`); comfortably where that is enough. It sees with the standard sensors, without
-their noise and delay. It does not know which actor will be hit.
+two seconds behind others, and stops at signals that have changed meanwhile. For an actor that comes into its way
+(`foresight`) it brakes after the reaction time, comfortably if that is enough. It sees with the standard sensors,
+without their noise and delay. It does not know which actor will be hit.
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ CLEAR_SIGHT = SensorSettings(scan_s=STEP_S, latency_s=0.0, noise=NO_NOISE, dropo
 """The driver's sensors: the standard ones without noise and latency, as the reaction time is modelled by the driver."""
 
 _CATCHES_UP_S = 2.0
-"""Time in which it catches up with the recorded ego if it has no reason to be slower, s. Ours."""
+"""Time in which the driver catches up with the recorded ego if nothing makes it slower, s. Ours."""
 _KEPT_S = 1.0
-"""Time for which it continues to brake after the last conflict, s. Ours."""
+"""Time for which the driver continues to brake after the last conflict, s. Ours."""
 _STANDS_OFF_M = 1.0
-"""Distance at which it aims to stop before an actor that comes into its way, m. Ours."""
+"""Distance at which the driver aims to stop before an actor that comes into its way, m. Ours."""
 _SAME_MPS2 = 0.1
 """Difference of acceleration below which it drives as recorded, m/s^2. Ours: below what people feel."""
 _DECIDES_EVERY = 2
@@ -53,7 +52,7 @@ class DriveAhead(Replay):
 
     Attributes:
         from_s: until then the ego follows the clip's recorded states, whatever its driver answers.
-        braked_s: when it first braked for an actor that came into its way, s; None if it did not.
+        braked_s: time at which it first braked for an actor that came into its way, s; None if it never did.
         braked_mps2: its hardest such braking.
     """
 
@@ -68,7 +67,7 @@ class DriveAhead(Replay):
         self._free_from = round(self.from_s / STEP_S)
         self._info = trace.actors[0]
         self._before: dict[int, SeenActor] = {}
-        # By track, s: when it was first in conflict, when it last was, and from when on the driver acts.
+        # By track number, s: when it was first in conflict, when it last was, and the time from which the driver acts.
         self._noticed: dict[int, float] = {}
         self._met: dict[int, float] = {}
         self._acts: dict[int, float] = {}
@@ -81,7 +80,9 @@ class DriveAhead(Replay):
 
     @property
     def slowed_for(self) -> list[str]:
-        """The hazards for which it drove slower than the recorded ego, the hazard with the longest effect first."""
+        """Return the hazards for which the driver was slower than the recorded ego, the hazard with the longest effect
+        first.
+        """
         return sorted(self._slowed, key=lambda what: -self._slowed[what])
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:

@@ -42,7 +42,7 @@ class Anticipation:
 
     Attributes:
         answer: whether the failure was preventable, and by which manoeuvre. why: a sentence for people, with figures.
-        seen_s: from when on the driver could foresee the conflict. begins_s: when the manoeuvre begins.
+        seen_s: time from which the driver could foresee the conflict. begins_s: time at which the manoeuvre begins.
         braking_mps2: hardest braking. sideways_m: how far it evades, left positive.
         slower_mps: when driving ahead of time, how much slower it is when the conflict becomes foreseeable.
         spare_s: how much later R157's hardest braking could have begun, by the recorded motion of the others.
@@ -81,7 +81,7 @@ class Anticipation:
 
     @property
     def avoids(self) -> bool:
-        """See `Judgement`, as for the properties that follow."""
+        """Return whether the driver avoids the failure; see `Judgement` for this property and the next ones."""
         return self.answer.preventable
 
     @property

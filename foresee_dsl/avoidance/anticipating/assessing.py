@@ -71,7 +71,7 @@ class _ConfirmingRun:
 
 
 class _Assessment:
-    """The assessment of one failure, which counts its runs."""
+    """The assessment of one failure; it counts the simulation runs that it needs."""
 
     def __init__(self, failure: Failure, failed: Impact) -> None:
         bundle, result = failure.bundle, failure.result
@@ -121,7 +121,7 @@ class _Assessment:
         moving = np.flatnonzero(self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS)
         since_s = (int(moving[-1]) + 1) * STEP_S if len(moving) else 0.0
         if since_s > 0.0 and seen_s is not None and since_s > seen_s + REACTION_S:
-            return ""  # it still drove when it could have acted
+            return ""  # the ego still drove when it could have acted
         how = f"for {self._result.time_s - since_s:.1f} s" if since_s > 0.0 else "from the first frame on"
         return f"the ego stood {how}: {self._failed.struck}"
 

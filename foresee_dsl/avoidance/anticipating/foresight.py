@@ -98,7 +98,7 @@ def crossings_of(mission: Mission) -> tuple[FloatArray, ...]:
 
 
 def _goes_first(ego: PredictedEgo, other: Other) -> bool:
-    """Return whether another road user is on a path with priority and moves in its direction."""
+    """Return whether another road user is on a path with priority, and moves along it."""
     cos, sin = math.cos(other.heading_rad), math.sin(other.heading_rad)
     for path in ego.first:
         apart = np.hypot(path[:, 0] - other.x, path[:, 1] - other.y)
@@ -174,7 +174,7 @@ def _conflict(ego: PredictedEgo, mine: FloatArray, other: Other, time_s: FloatAr
 
 
 def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) -> list[FloatArray]:
-    """Return the foreseeable motions of another road user as boxes over time, each [N, 5]."""
+    """Return the foreseeable motions of another road user, each as boxes over time, [N, 5]."""
     if other.kind == "pedestrian":
         if other.speed_mps < MOVED_M / STEP_S:
             return [_moved(other, time_s, 0.0, other.speed_mps)]
@@ -184,7 +184,7 @@ def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) ->
     brakes = max(-other.acceleration_mps2, 0.0)
     if turned >= math.cos(MERGES_RAD):
         return [merged(_moved(other, time_s, brakes, other.speed_mps), me)]
-    # It continues, or begins to wait.
+    # The vehicle continues, or begins to wait.
     return [_moved(other, time_s, a, other.speed_mps) for a in (brakes, max(brakes, COMFORTABLE_MPS2))]
 
 

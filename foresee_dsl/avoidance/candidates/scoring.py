@@ -50,7 +50,7 @@ LEAST_SHARE = 0.2
 contacts too, but fewer."""
 IN_LINE_RAD, IN_LINE_M = math.radians(25), 1.2
 """Largest differences in heading and in lateral position for an actor to be in the ego's line. Ours: half a car's width
-and a little. Of 30 actors that braked there ahead of `pdm`, and did not hit a driver that reacts, none was hit."""
+and a little. Of 30 actors that braked there ahead of `pdm`, and that a driver that reacts did not hit, none was hit."""
 SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
 """Weights of `BLIND` and of each of `DRIVES`. Ours: a candidate that hits a prompt driver fails in the simulation; one
 in twenty fails of those that hit only a driver that is late or does not react."""
@@ -140,7 +140,8 @@ def scored(run: RecordedRun, candidates: Sequence[Candidate]) -> list[ScoredCand
     touches = np.isfinite(drives["contact"])
     fair = drives["struck"] & (drives["ego"] >= EGO_STANDS_MPS)
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
-    # An actor that comes into the ego's way at the last moment leaves little time, though a roll-out may just stop.
+    # An actor that comes into the ego's way at the last moment leaves little time, although a roll-out may show that
+    # the ego just stops.
     threatened_s = drives["brakes"] - np.array([style.delay for style in (BLIND, *DRIVES)])
     met_s = np.where(touches[:, :1], drives[:, :1]["contact"], -1.0)
     threatened = touches[:, :1] & np.isfinite(threatened_s)

@@ -45,7 +45,7 @@ class Preventability:
 
     Attributes:
         verdict: whether it was preventable. why: a sentence for people.
-        struck: which of the two struck the other: `runner struck the ego`; "" without a contact.
+        struck: which of the two struck the other, in words such as `runner struck the ego`; "" without a contact.
         impact_mps: relative speed at the failure's contact, m/s; None without a contact.
         perceived_s: when the risk was perceived; None if it was not. braked_s: when braking began; None without it.
         braked_impact_mps: relative speed at the contact in spite of braking, m/s; None without a contact.
@@ -68,7 +68,7 @@ class Preventability:
 
     @property
     def answer(self) -> str:
-        """See `Judgement`, as for the properties that follow."""
+        """Return the answer in a few words; see `Judgement` for this property and the next ones."""
         return self.verdict.value
 
     @property

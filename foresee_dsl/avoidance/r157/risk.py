@@ -83,7 +83,7 @@ def perceive(trace: Trace, other: int, sight: Sight | None = None) -> Perception
     path, sight = RecordedPath(trace), sight or sight_of(trace)
     forgets = round(EVALUATION_S / STEP_S)
     onset: int | None = None
-    # From the contact backwards until there was no risk for long enough.
+    # Search backwards from the contact, until there was no risk for long enough.
     for frame in range(trace.frames - 2, -1, -1):
         if is_risk(trace, path, other, frame, sight):
             onset = frame

@@ -1,1 +1,1 @@
-"""Allocates mutants to clips in rounds: clips whose earlier mutants were more useful get more of the next ones."""
+"""Allocates mutants to clips in rounds: a clip whose earlier mutants were more useful gets more of the next ones."""

@@ -27,7 +27,8 @@ AGAIN = 0.1
 """Worth of a failure whose story occurred before, as a share of its first worth. Ours: in replays
 (docs/background/method.md) 0.25 found as many failures and a tenth fewer findings, 0 fewer of both."""
 NEAR_MISS = 0.2
-"""Worth of a pass with the nearest possible miss; the worth falls with the square of the nearness (`nearness_of`)."""
+"""Worth of a pass with the nearest possible miss; for other passes the worth decreases with the square of the nearness
+(`nearness_of`)."""
 NEAR_M = 2.0
 """Distance between footprints below which a pass is a near miss, m. Ours: about a driver's clearance to a parked car
 and its door."""
@@ -37,7 +38,8 @@ NEAR_S = 1.5
 
 
 WAY_WEIGHT = 8.0
-"""Number of virtual mutants of average worth that are added to the estimate of a way's worth."""
+"""Number of imagined mutants of average worth that are added when the worth of a way is estimated, so that few results
+weigh little."""
 CERTAINTY = 8.0
 """Weight of each mutant when a way's worth is drawn. Ours: with weight 1, ways that never found anything are tried
 about as often as the best; in replays (docs/background/method.md) that cost one finding in thirty."""

@@ -48,7 +48,7 @@ class Steps(Protocol):
 
     @property
     def settings(self) -> CampaignSettings:
-        """The campaign's settings."""
+        """Return the campaign's settings."""
         ...
 
     def row(self, node: StepNode) -> Row | None:
@@ -112,7 +112,7 @@ class Round:
 
     @property
     def sentence(self) -> str:
-        """The round in a sentence."""
+        """Return the round in a sentence."""
         most = ", ".join(f"{name} {count}" for name, count in list(self.clips.items())[:_NAMED])
         more = ", ..." if len(self.clips) > _NAMED else ""
         ways = ", ".join(f"{way} {count}" for way, count in self.ways.items())
@@ -137,22 +137,22 @@ class _DrawnChild(NamedTuple):
 
 @dataclass
 class _Unit:
-    """A clip with one seed, and the mutants that were drawn from it."""
+    """A clip with one of the seeds, and the mutants that were drawn from it."""
 
     clip: StepNode
     step: MutantsStep
     plans: tuple[PlanNames, ...]
     drawn: list[_DrawnChild] = field(default_factory=list)
     searched: int = 0
-    """Number of mutants that the preset's search proposes."""
+    """Number of mutants that the preset's search proposes for the clip."""
     turns: Counter[int] = field(default_factory=Counter)
     """Number of independent draws requested so far, by plan."""
     uses: Counter[int] = field(default_factory=Counter)
     """Number of draws requested near a mutant, by the mutant's number."""
     dry: set[int] = field(default_factory=set)
-    """Plans that have no more mutants."""
+    """The plans that have no further mutants."""
     numbers: int = 0
-    """Number of draws requested in total."""
+    """Total number of draws that were requested."""
     wanted: list[Wanted] = field(default_factory=list)
 
     def way(self, plan: int, *, near: bool = False) -> MutantDraw:
@@ -178,20 +178,20 @@ class Rounds:
         self.nodes: list[StepNode] = []
         """Mutation steps that the later rounds requested."""
         self.begun: list[Round] = []
-        """The later rounds."""
+        """The later rounds that have begun."""
         self.finished = False
         """True when there is no further round."""
         self._facts: dict[StepNode, ChildFacts] = {}
 
     @property
     def ready(self) -> bool:
-        """Whether all results that the next round waits for are available."""
+        """Return whether all results that the next round waits for are available."""
         walked = self._stages.walk((*self.seeds, *self.nodes))
         return all(row is not None or awaited_by(node) > self.number + 1 for node, row in walked)
 
     @property
     def left(self) -> int:
-        """Number of mutants of the mutated clips that no round has allocated yet."""
+        """Return the number of mutants of the mutated clips that no round has allocated yet."""
         if self.finished:
             return 0
         units = self._units()
@@ -318,7 +318,7 @@ def awaited_by(node: StepNode) -> int:
 def _give_out(units: list[_Unit], before: _Before, ways: MutantDraws, count: int, number: int, *, most: int) -> None:
     """Choose `count` mutants, at most `most` of one clip and seed.
 
-    The clips that remain in this round get them in turn; if these have no more, other clips follow.
+    The clips that remain in this round get mutants in turn; if these clips have no more mutants, other clips get them.
     """
     by_clip: defaultdict[str, list[_Unit]] = defaultdict(list)
     for unit in units:

@@ -74,7 +74,7 @@ class DaskExecutor(Executor):
 
     def close(self) -> None:
         """Cancel the running batches and leave the cluster; a cluster started here ends."""
-        with contextlib.suppress(Exception):  # a cluster that is gone already
+        with contextlib.suppress(Exception):  # the cluster may be gone already
             self._client.cancel(list(self._batches))
         self._batches.clear()
         self._tasks.clear()
@@ -87,14 +87,17 @@ class DaskExecutor(Executor):
         """Keep two batches per thread of the cluster submitted: one that runs, and one that waits."""
         try:
             threads = max(1, sum(self._client.nthreads().values()))
-        except Exception as err:  # Dask raises many kinds; each means that the scheduler does not answer
-            raise ClusterError(f"the Dask scheduler is gone ({err}): what was finished is kept, and the same command "
-                               "continues from there") from err  # fmt: skip
+        except Exception as err:
+            # Dask raises exceptions of many kinds, each of which means that the scheduler does not answer.
+            raise ClusterError(
+                f"the Dask scheduler does not answer any more ({err}): finished results are kept, and the same "
+                "command continues from there"
+            ) from err
         while self._queue and len(self._batches) < 2 * threads:
             size = max(1, min(BATCH, len(self._queue) // (2 * threads)))
             numbers = self._queue.take(size)
             tasks = [_inlined(self._tasks[number]) for number in numbers]
-            # Not pure: Dask must run a lost batch again, not return a remembered result.
+            # Not pure, because Dask must run a lost batch again, and must not return a remembered result.
             future = self._client.submit(run_batch, pickle.dumps(tasks), self._memory_mb, pure=False)
             self._batches[future] = numbers
             future.add_done_callback(self._ended.put)
@@ -208,7 +211,7 @@ def _client(scheduler: str, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 -
             return distributed.Client(scheduler, timeout=CONNECT_S)
         return _here(distributed, jobs, dashboard)
     except (OSError, ValueError) as err:
-        raise ClusterError(f"no Dask scheduler at {scheduler or 'this machine'}: {err}") from err
+        raise ClusterError(f"there is no Dask scheduler at {scheduler or 'this machine'}: {err}") from err
 
 
 def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 - Dask's, as above
@@ -227,7 +230,7 @@ def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 -
             worker_dashboard_address=None,
         )
     if not dashboard:
-        cluster.scheduler.http_server.stop()  # Dask 2026.8 starts it even without routes
+        cluster.scheduler.http_server.stop()  # Dask 2026.8 starts the dashboard even without routes
     return distributed.Client(cluster, security=security)
 
 

@@ -37,13 +37,14 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _MENDED = 3
-"""Number of passes of a campaign whose stored results change on the disk while it runs (ours)."""
+"""Maximum number of times that a campaign goes through its steps if stored results change on the disk while it runs
+(ours)."""
 _AWAITED_TURN = ChildStep.turn
 """Turns after this one belong to steps that no round waits for."""
 
 
 class Listener:
-    """Receives the events of a campaign (for a progress bar, a log); this one ignores them."""
+    """Receives the events of a campaign, such as for a progress bar or a log; this base class ignores them."""
 
     def planned(self, kind: str, count: int) -> None:
         """Called when `count` more steps of a kind are known to be needed."""
@@ -158,16 +159,16 @@ class _CampaignRun:
         self._listeners, self._options = listeners, options
         self._executor: Executor | None = None
         self._running: dict[str, StepNode] = {}
-        """The steps of the running tasks, by key."""
+        """The steps of the tasks that are running, by key."""
         self._waiting: dict[str, list[StepNode]] = {}
-        """Steps that wait for a result of a running task, by key."""
+        """The steps that wait for the result of a running task, by key."""
         self._expected: Counter[str] = Counter()
         """Number of running tasks that may give a result, by the result's key."""
         self._broken: list[str] = []
         self._begun_again: set[str] = set()
-        """Keys of steps that broke because their input had changed on the disk."""
+        """Keys of the steps that failed because their input had changed on the disk."""
         self._then: dict[str, list[StepNode]] = {}
-        """Those steps, by the key of their input."""
+        """The same steps, by the key of their input."""
         self._rounds = {node: rounds for rounds in stages.rounds for node in rounds.seeds}
         """The rounds of each test case, if mutants are allocated in rounds."""
         self._awaited: Counter[tuple[int, int]] = Counter()
@@ -175,7 +176,7 @@ class _CampaignRun:
         budget_s = options.limits.budget_s
         self._ends_s = math.inf if budget_s is None else time.monotonic() + budget_s
         self._stopped_early = False
-        """True if it was stopped while it determined the missing steps."""
+        """Whether the campaign was stopped while it was determining the missing steps."""
 
     def until_done(self, *, minimise: bool) -> tuple[list[str], bool]:
         """Run the missing steps; return those that could not be run, and whether the campaign was stopped."""
@@ -185,7 +186,7 @@ class _CampaignRun:
             roots: Sequence[StepNode] = self._stages.seeds
             for _ in range(_MENDED):
                 self._run_through(roots)
-                # Findings are known only after all mutants.
+                # The findings are known only after all mutants have run.
                 if minimise and not self._stopped:
                     with _no_search_for_cycles():
                         chosen = choose_representatives(self._stages)
@@ -272,17 +273,17 @@ class _CampaignRun:
         waiting.append(node)
         self._awaited[self._awaited_by(node)] += 1
         if self._expected[node.step.key]:
-            return  # a running task will give it
+            return  # a running task will give this result
         task = self._stages.task(node, self._files, self._options.limits)
         self._running[node.step.key] = node
         self._expected.update(step.key for step in self._stages.task_steps(node))
         if self._executor is None:
             self._executor = self._options.executor(self._options)
-        # Test cases first, so that the amount of work is soon known; then the clips of the first rank with their
-        # mutants before those of the second rank, so that the best points are studied if time runs out. Within a rank,
-        # a process continues with the clip that it has loaded.
+        # Test cases come first, so that the amount of work is known soon; then the clips of the first rank with their
+        # mutants before those of the second rank, so that the best points are used if time runs out. Within a rank, a
+        # process continues with the clip that it has loaded.
         turn = node.step.turn
-        # With rounds, steps that the next round waits for come before all others.
+        # With rounds, the steps that the next round waits for come before all others.
         apart = (int(turn > _AWAITED_TURN), 0) if self._rounds else (0, node.step.rank)
         self._executor.add([task], (int(turn > 0), *apart, turn))
 
@@ -296,7 +297,7 @@ class _CampaignRun:
         if isinstance(update.value, Broken) and self._begins_again(node):
             return
         if isinstance(update.value, Broken):
-            # The task broke at the first part that it has not delivered.
+            # The task failed at the first part that it has not delivered.
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
             row = _broken_row(node, update.value) if key == node.step.key else None
             if row is not None:
@@ -308,7 +309,9 @@ class _CampaignRun:
                     listener.broken(self._broken[-1])
 
     def _begins_again(self, node: StepNode) -> bool:
-        """If the input of a broken step was changed on the disk, run the step that made the input again."""
+        """Run again the step that made the input of a failed step, if that input was changed on the disk; return
+        whether it was.
+        """
         if not node.step.reads or node.step.key in self._begun_again:
             return False
         read = node.over(node.step.reads)

@@ -7,5 +7,5 @@ import warnings
 from foresee_dsl.campaign.execution.processes import adopt_orphans
 
 adopt_orphans()
-# Python's fork server (3.11 to 3.13) reaps such a process as it should, but warns that it did not start it.
+# Python's fork server (3.11 to 3.13) reaps an orphaned process as it should, but warns that it did not start it.
 warnings.filterwarnings("ignore", message="forkserver: waitpid returned unexpected pid")

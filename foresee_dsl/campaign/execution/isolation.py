@@ -1,7 +1,7 @@
 """One worker process: it gets batches of tasks over a pipe and reports when each task begins and ends.
 
-So its starter always knows which task the process runs: if the process dies, hangs or takes too much memory, that task
-is the cause, and no other task must be repeated to find it.
+So the starter always knows which task the process runs. If the process dies, hangs or takes too much memory, that task
+is the cause, and no other task has to be repeated to find the cause.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ to the process, as phrases), `done` (with a value), `raised` (with the exception
 
 
 class Worker:
-    """A worker process, seen from the process that started it."""
+    """A worker process, as the process that started it sees it."""
 
     def __init__(self, *, once: bool = False) -> None:
         """Start a process; `once`: as a fork of this one, if that is safe.
@@ -97,7 +97,8 @@ class Worker:
         forked = once and "libsumo" not in sys.modules and threading.active_count() == 1
         context = multiprocessing.get_context("fork") if forked else forkserver()
         self.connection, theirs = context.Pipe()
-        """For `multiprocessing.connection.wait`: ready when there is a message, or when the process has ended."""
+        """The connection, for `multiprocessing.connection.wait`: ready when there is a message, or when the process has
+        ended."""
         line, self._lifeline = context.Pipe(duplex=False)
         self._output, self._stacks = SharedFile.new(), SharedFile.new()
         files = self._output, self._stacks
@@ -113,27 +114,28 @@ class Worker:
             theirs.close()
             line.close()
         self.waiting: list[tuple[int, Task]] = []
-        """Tasks that it has received and not begun."""
+        """The tasks that the process has received but not begun."""
         self.current: tuple[int, Task] | None = None
         self.since_s = 0.0
-        """Time on the monotonic clock when it began its present task, or finished the last part of it."""
+        """Time on the monotonic clock at which the process began its present task, or finished the last part of it,
+        s."""
         self.finished = 0
-        """Number of tasks that it has ended."""
+        """Number of tasks that the process has finished."""
         self.changed: tuple[str, ...] = ()
-        """A driver's changes to the process, which ends after that task."""
+        """The changes that a driver made to the process, which therefore ends after that task."""
         self._server = 0 if forked else parent_of(self.pid)
         _running.add(self.pid)
         self.warm: list[tuple[str, ...]] = []
-        """`shares` of the last tasks that it received, the latest first."""
+        """The `shares` of the last tasks that the process received, the latest first."""
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Return the process id."""
         return self._process.pid or 0
 
     @property
     def watched(self) -> tuple[Connection | int, ...]:
-        """The handles to wait for: one becomes ready when the process sends a message or ends.
+        """Return the handles to wait for; one becomes ready when the process sends a message or ends.
 
         The connection alone does not show the end if a process that a driver started still has it open.
         """
@@ -141,7 +143,7 @@ class Worker:
 
     @property
     def idle(self) -> bool:
-        """Whether it has no task."""
+        """Return whether the process has no task."""
         return self.current is None and not self.waiting
 
     def give(self, batch: Sequence[tuple[int, Task]]) -> None:
@@ -164,7 +166,7 @@ class Worker:
         while self.connection.poll():
             try:
                 message: Message = self.connection.recv()
-            except (OSError, pickle.UnpicklingError) as err:  # killed in the middle of a message
+            except (OSError, pickle.UnpicklingError) as err:  # the process was killed in the middle of a message
                 raise EOFError from err
             self.since_s = time.monotonic()
             if message[0] == "started":
@@ -210,7 +212,7 @@ class Worker:
         else:
             end_started(self.pid)
         code = self._process.exitcode
-        # Without its fork server (killed too) it is unknown whether and how a process ended.
+        # If its fork server was killed too, it is unknown whether and how a process ended.
         if code is None or code == 255:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
@@ -240,14 +242,14 @@ class ProcessEnding(NamedTuple):
     def of(cls, code: int | None) -> ProcessEnding:
         """Return the meaning of an exit code."""
         if code is None:
-            return cls("its process broke off the connection")
+            return cls("its process closed the connection")
         if code >= 0:
             return cls(f"its process died with exit code {code}")
         try:
             name = signal.Signals(-code).name
         except ValueError:
             name = f"signal {-code}"
-        meaning = {"SIGSEGV": " (a crash inside a library)", "SIGABRT": " (a library gave up)"}.get(name, "")
+        meaning = {"SIGSEGV": " (a crash inside a library)", "SIGABRT": " (a library ended the process)"}.get(name, "")
         outside = name in _FROM_OUTSIDE
         return cls(f"its process {'was ended by' if outside else 'died of'} {name}{meaning}", outside)
 
@@ -257,10 +259,11 @@ _FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
 
 
 class LeftBehind(NamedTuple):
-    """What a broken process left for the report.
+    """The information that a process which crashed or hung has left for the report.
 
     Attributes:
-        output: its prints. hung: it was ended because it did not return. place: in a driver's code, or "".
+        output: its prints. hung: whether it was ended because it did not return. place: the place in a driver's code,
+            or "".
         stack: in the format of `faulthandler`.
     """
 
@@ -310,7 +313,9 @@ class _Reports:
         self._pipe, self._pid = pipe, os.getpid()
 
     def send(self, message: Message) -> None:
-        """Send a message; a process that a driver forked off ends here instead, so that only the worker reports."""
+        """Send a message. In a process that a driver has forked off, end that process instead, so that only the worker
+        reports.
+        """
         if os.getpid() != self._pid:
             os._exit(0)
         self._pipe.send(message)
@@ -320,15 +325,15 @@ def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: S
     """Work until the starter has no more tasks or has ended; `others` are the starter's ends, which a fork inherits."""
     for other in others:
         other.close()
-    with contextlib.suppress(PermissionError):  # it already leads a session
-        os.setsid()  # signals of a driver to its process group reach the worker, not the campaign
+    with contextlib.suppress(PermissionError):  # the process already leads a session
+        os.setsid()  # signals that a driver sends to its process group then reach the worker, not the campaign
     end_with(lifeline.fileno())
     adopt_orphans()
     keep_prints(output.descriptor, stacks.descriptor)
-    # Ctrl-C reaches the whole group; only the starter decides what it means.
+    # Ctrl-C reaches the whole group, but only the starter decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    with contextlib.suppress(OSError):  # if memory runs out, the kernel kills a worker, not the starter
+    with contextlib.suppress(OSError):  # if memory runs out, the kernel then kills a worker, not the starter
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
     reports = _Reports(pipe)
     while True:
@@ -354,7 +359,7 @@ def _run_task(reports: _Reports, number: int, packed: bytes) -> bool:
                     reports.send(("part", number, part))
                 outcome = None
         result = "done", number, outcome
-    except (Exception, SystemExit) as err:  # an exception is the task's outcome and does not end the process
+    except (Exception, SystemExit) as err:  # an exception is the outcome of the task, and must not end the process
         result = "raised", number, f"{type(err).__name__}: {err}"
     if changed := changes_here():
         reports.send(("changed", number, changed))
@@ -371,13 +376,13 @@ def end_with(descriptor: int) -> None:
     `descriptor` is the reading end, owned by this process.
     """
     set_signal = getattr(fcntl, "F_SETSIG", None)
-    if set_signal is None:  # not Linux: a thread is the best substitute
+    if set_signal is None:  # without Linux, a thread is the best substitute
         threading.Thread(target=_wait_and_exit, args=(descriptor,), daemon=True).start()
         return
     fcntl.fcntl(descriptor, fcntl.F_SETOWN, -os.getpid())
     fcntl.fcntl(descriptor, set_signal, signal.SIGKILL)
     fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
-    if select.select([descriptor], [], [], 0)[0]:  # closed before the signal was requested
+    if select.select([descriptor], [], [], 0)[0]:  # the pipe was closed before the signal was requested
         os.killpg(os.getpid(), signal.SIGKILL)
 
 

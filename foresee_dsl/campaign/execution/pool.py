@@ -49,7 +49,7 @@ class TaskQueue:
 
     @property
     def first(self) -> int:
-        """The most urgent task, which remains queued; `IndexError` if there is none."""
+        """Return the number of the most urgent task, which stays in the queue; `IndexError` if there is none."""
         return self._head()[1]
 
     def take(self, most: int = 1, warm: Sequence[Shares] = ()) -> list[int]:
@@ -116,11 +116,11 @@ class TaskQueue:
 __all__ = ["BATCH", "DEATHS", "Broken", "Executor", "RunOptions", "Task", "TaskPart", "Update", "WorkerPool", "local"]
 
 DEATHS = 3
-"""Number of deaths of its process after which a task counts as the cause. Ours: a `kill` from outside, or the kernel's
-when memory is short, sometimes hits an innocent task; a crash inside a library recurs every time."""
+"""Number of times that a task's process must die before the task counts as the cause. Ours: a `kill` from outside, or
+the kernel's when memory is short, sometimes hits an innocent task; a crash inside a library recurs every time."""
 BATCH = 8
-"""Maximum number of tasks sent to a process at once. Ours: sending one takes 0.2 ms, which 8 hide; more would leave
-other workers idle at the end."""
+"""Maximum number of tasks sent to a process at once. Ours: sending takes 0.2 ms, which eight tasks outweigh; with more,
+other workers would be idle at the end."""
 _TICK_S = 0.1
 """Interval at which deadlines and memory are checked, s. Ours: a process can allocate about 200 MB in that time."""
 _OUTSIDE = ": sent from outside, as by `kill`, or by the system when memory runs out, so it does not count as a crash"
@@ -139,7 +139,7 @@ class Broken:
     reason: str
     how: Literal["crash", "timeout", "memory", "raised", "killed"] = "crash"
     output: str = ""
-    """Prints of its process."""
+    """The output of its process."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class Update:
 
     @property
     def final(self) -> bool:
-        """Whether the task has ended."""
+        """Return whether the task has ended."""
         return not isinstance(self.value, TaskPart)
 
 
@@ -217,9 +217,9 @@ class WorkerPool(Executor):
         self._most_deaths, self._once = deaths, once
         self._deaths: Counter[int] = Counter()
         self._kills: Counter[int] = Counter()
-        """Number of times a task's process was ended from outside."""
+        """Number of times that the process of each task was ended from outside."""
         self._spoilt: set[int] = set()
-        """Tasks that raised in a process changed by a driver, and are repeated once."""
+        """Tasks that raised an exception in a process that a driver had changed; each is repeated once."""
         self._workers: list[Worker] = []
         self._failed_starts = 0
         self._checked_s = 0.0
@@ -245,9 +245,10 @@ class WorkerPool(Executor):
             for ready in multiprocessing.connection.wait(watched, timeout=_TICK_S):
                 worker = busy[id(ready)]
                 if worker not in self._workers:
-                    continue  # both watched objects were ready, and the worker is already handled
+                    continue  # both watched objects were ready, and the worker was handled with the first one
                 received = list(self._receive(worker))
-                self._hand_out()  # a process gets its next task before the caller handles the last result
+                # A process gets its next task before the caller handles the last result, so that it is not idle.
+                self._hand_out()
                 yield from received
             if time.monotonic() - self._checked_s >= _TICK_S:
                 self._checked_s = time.monotonic()
@@ -264,14 +265,14 @@ class WorkerPool(Executor):
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """Ids of the processes."""
+        """Return the ids of the processes."""
         return tuple(worker.pid for worker in self._workers)
 
     def _hand_out(self) -> None:
         while self._queue:
             worker = next((w for w in self._workers if w.idle), None)
             if worker is not None and worker.finished and self._suspect(self._queue.first):
-                self._drop(worker)  # a suspect runs in a fresh process
+                self._drop(worker)  # a task that may have been the cause runs in a fresh process
                 worker = None
             if worker is None:
                 if len(self._workers) == self._jobs:
@@ -281,7 +282,7 @@ class WorkerPool(Executor):
             batch = self._batch(worker)
             try:
                 worker.give(batch)
-            except OSError:  # it died while it was idle
+            except OSError:  # the process died while it had no task
                 self._requeue(number for number, _ in batch)
                 self._drop(worker)
 
@@ -292,7 +293,7 @@ class WorkerPool(Executor):
                 return Worker(once=self._once)
             except (OSError, EOFError) as err:
                 self._note_failed_start(f"{type(err).__name__} {err}")
-                time.sleep(_TICK_S)  # until the system has registered the end of the old one
+                time.sleep(_TICK_S)  # until the system has registered the end of the old process
 
     def _note_failed_start(self, how: str) -> None:
         self._failed_starts += 1
@@ -310,7 +311,8 @@ class WorkerPool(Executor):
 
     def _requeue(self, numbers: Iterable[int]) -> None:
         for number in numbers:
-            # Before all others, suspects last, so that the innocent rest of their batch need not wait for them.
+            # These come before all others, and those that may be the cause last, so that the rest of their batch need
+            # not wait for them.
             self._queue.push(number, (-1, self._suspect(number), 0), self._tasks[number].shares)
 
     def _receive(self, worker: Worker) -> Iterator[Update]:
@@ -356,7 +358,7 @@ class WorkerPool(Executor):
         left = worker.left_behind()
         at = f", at {left.place}" if left.place else ""
         if left.hung:
-            reason = f"did not come back from a library in time{at}; --step-deadline allows more (with --retry)"
+            reason = f"did not return from a library's code in time{at}; --step-deadline allows more (with --retry)"
             yield self._ended(number, Broken(task, reason, "timeout", left.output))
             return
         counted, most = (self._kills, DEATHS) if ending.outside else (self._deaths, self._most_deaths)
@@ -381,9 +383,9 @@ class WorkerPool(Executor):
 
     def _check_limits(self, worker: Worker) -> Iterator[Update]:
         if worker.connection.poll():
-            return  # there are unread messages
+            return  # the process has sent messages that were not read yet
         if worker.current is None:
-            # Between two batches: replace a process that has grown, before it costs an innocent task its run.
+            # Between two batches, a process that has grown is replaced, before it ends a task that did not cause it.
             if worker.idle and worker.memory_mb(self._memory_mb / 2) > self._memory_mb / 2:
                 self._drop(worker)
             return
@@ -402,7 +404,7 @@ class WorkerPool(Executor):
             if alone:
                 reason = f"took more than {self._memory_mb:g} MB of memory and was ended; --memory allows more"
                 yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
-            else:  # memory of earlier tasks may be the cause
+            else:  # earlier tasks may have used the memory
                 self._deaths[number] += 1
                 self._requeue([number])
 

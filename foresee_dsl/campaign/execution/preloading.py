@@ -17,7 +17,7 @@ MODULES = (
 )
 
 for _name in MODULES:
-    with suppress(Exception):  # a task that needs the module reports the error
+    with suppress(Exception):  # the task that needs the module reports the error
         import_module(_name)
 compiling.ensure()
 compiling.load()

@@ -36,7 +36,7 @@ def started_by(pid: int) -> tuple[int, ...]:
     """Return the descendants of a process, the nearest first."""
     descendants: list[int] = []
     ahead = [pid]
-    while ahead and len(descendants) < 10 * MOST:  # a fork bomb must not hold the campaign up
+    while ahead and len(descendants) < 10 * MOST:  # processes that multiply without end must not hold the campaign up
         children = _children(ahead.pop(0))
         descendants += children
         ahead += children
@@ -84,7 +84,7 @@ def end_below_this(spared: Collection[int] = ()) -> int:
         if not left:
             break
         for child in left:
-            with contextlib.suppress(ChildProcessError):  # a thread of the driver has waited for it already
+            with contextlib.suppress(ChildProcessError):  # a thread of the driver has already waited for it
                 os.waitpid(child, os.WNOHANG)
         time.sleep(0.001)
     return ended
@@ -151,7 +151,7 @@ def _children(pid: int) -> list[int]:
             with open(f"/proc/{pid}/task/{thread}/children", "rb") as file:  # noqa: PTH123 - as above
                 children += map(int, file.read().split())
     except OSError:
-        pass  # it has ended, or this is not Linux
+        pass  # the process has ended, or this is not Linux
     return children
 
 

@@ -38,12 +38,12 @@ class CaseRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the run passed with all expectations."""
+        """Return whether the run passed and all expectations hold."""
         return passes(self.verdict, self.broken_expectations)
 
     @property
     def broken_expectations(self) -> tuple[str, ...]:
-        """Broken expectations, one sentence each."""
+        """Return the broken expectations, one sentence each."""
         return self.result.broken_expectations if self.result is not None else ()
 
 
@@ -58,7 +58,7 @@ def run_cases(
     profiler: Profiler | None = None,
 ) -> Iterator[CaseRun]:
     """Run test cases; yield each run as soon as it ends. `profiler` measures where the time goes."""
-    # A single run uses no fork server, whose start would take as long as the run.
+    # A single run uses no fork server, because starting it would take as long as the run.
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
         todo = (
@@ -99,7 +99,7 @@ def broken_verdict(broken: Broken) -> tuple[Verdict, str]:
 
 def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines, rules: RulesMode) -> RunResult:
     result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
-    _ = result.near_misses  # computed here, because this process has imported the kernels
+    _ = result.near_misses  # computed here, because this process has imported the kernels already
     return with_unfired(case, driver, result)
 
 

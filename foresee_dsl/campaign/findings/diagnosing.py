@@ -1,5 +1,7 @@
-"""The command `foresee diagnose`: drives a failure again with ideal parts of its driver, and keeps the result beside
-its campaign, where the page and the review read it."""
+"""The command `foresee diagnose`: it drives a failure again with ideal parts of its driver.
+
+It keeps the result in the folder of the failure's campaign, where the page and the review read it.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,7 @@ class Failing:
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """A diagnosis with the failure that it is about; `note`: why there is none, "" if there is one."""
+    """A diagnosis with the failure that it is about. `note`: the reason if there is no diagnosis, otherwise ""."""
 
     failing: Failing
     diagnosis: Diagnosis | None
@@ -63,12 +65,12 @@ class Diagnosed:
 
     @property
     def name(self) -> str:
-        """The name of the failure."""
+        """Return the name of the failure."""
         return self.failing.name
 
     @property
     def number(self) -> int:
-        """The number of its finding; 0 without one."""
+        """Return the number of the finding; 0 without one."""
         return self.failing.number
 
 
@@ -111,7 +113,7 @@ def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_prog
     if case.mutant is not None:
         recorded, its_seed = recorded_run(case.mutant.origin)
     if not driver:
-        instead = "--run-programs starts it, --driver names another driver"
+        instead = "--run-programs starts it; --driver chooses another driver"
         refuse_programs([(recorded, Path(file))], instead, unless=run_programs)
     finding = wanted.finding
     own = finding is not None and finding["name"] == wanted.name and not driver and seed is None
@@ -193,7 +195,7 @@ def kept_diagnoses(campaign: Path) -> dict[str, dict[str, Any]]:
         raise ForeseeError(f"{file} cannot be read: {err}; remove it, and `foresee diagnose` writes it again") from err
     good = isinstance(data, dict) and all(isinstance(d, dict) and isinstance(d.get("text"), str) for d in data.values())
     if not good:
-        raise ForeseeError(f"{file} is not what `foresee diagnose` writes: remove it, and diagnose again")
+        raise ForeseeError(f"{file} was not written by `foresee diagnose`: remove it, and run the command again")
     return data
 
 

@@ -15,7 +15,7 @@ from foresee_dsl.story import Story, tell
 
 @dataclass(frozen=True)
 class Explained:
-    """The explanation of a failure; all fields are empty for other runs."""
+    """The explanation of a failure; for a run that did not fail, all fields are empty."""
 
     judgements: tuple[AnyJudgement, ...] = ()
     story: Story | None = None

@@ -29,12 +29,12 @@ class Outcomes(Protocol):
 
     @property
     def seeds(self) -> tuple[CaseRunOutcome, ...]:
-        """The test cases."""
+        """Return the test cases."""
         ...
 
     @property
     def clips(self) -> tuple[ClipOutcome, ...]:
-        """The clips with their mutants."""
+        """Return the clips with their mutants."""
         ...
 
 
@@ -47,8 +47,8 @@ class Finding:
     Attributes:
         name: name of the representative, the simplest of the failures. story_as_found: its story before minimisation.
           siblings, sibling_files: names and files of the other failures, sorted.
-        test_case: address of the representative's test case. family: of all failures.
-        file: of the representative: a mutant's relative to the campaign's folder, a test case's address.
+        test_case: address of the representative's test case. family: the family of all failures. file: the file of the
+            representative, relative to the campaign's folder; for a test case its address.
         clip: file of the representative's clip, relative to the campaign's folder; "" for a test case.
         minimised: the minimised representative, if any.
         avoided: number of failures that a reference driver avoids which also passes the unmutated clip; None without
@@ -110,39 +110,42 @@ class Finding:
 
     @property
     def reduced(self) -> Minimised | None:
-        """The minimised representative, if it fails; None if there is none, or minimising it broke."""
+        """Return the minimised representative, if it fails; None if there is none, or if minimising it failed."""
         small = self.minimised
         return small if small is not None and small.child.story is not None else None
 
     @property
     def run(self) -> Failure:
-        """The run that all statements about the finding describe."""
+        """Return the run that all statements about the finding describe."""
         return self.reduced.child if self.reduced is not None else self.representative
 
     @property
     def run_file(self) -> str:
-        """The file of `run`; see `file`."""
+        """Return the file of `run`; see `file`."""
         return self.reduced.file if self.reduced is not None else self.file
 
     @property
     def story(self) -> Story:
-        """What happens in `run`."""
+        """Return what happens in `run`."""
         return self.run.story or self.story_as_found
 
     @property
     def verdict(self) -> Verdict:
-        """How `run` ended."""
+        """Return how `run` ended."""
         return self.run.verdict
 
     @property
     def responsibility(self) -> Responsibility:
-        """Whose failure `run` is, and why in a line."""
+        """Return whose failure `run` is, and the reason in one line."""
         return responsibility_of(self.story, self.verdict, self.judgements, self.references)
 
     @property
     def order(self) -> tuple[int, bool, float, tuple[int, bool, float], str]:
-        """Sort key of reports: whose failure it is; people on foot or on two wheels first; the hardest contact; the
-        smallest change, steering and other models last; the name."""
+        """Return the sort key of reports.
+
+        It begins with whose failure it is; then people on foot or on two wheels come first; then the hardest contact;
+        then the smallest change, with steering and other models last; then the name.
+        """
         unprotected = self.story.opponent_kind in ("pedestrian", "bicycle", "motorcycle")
         speed_mps = self.run.impact.relative_mps if self.run.impact is not None else 0.0
         change = _simplicity(self.run) if isinstance(self.run, ChildOutcome) else (0, False, 0.0)
@@ -150,32 +153,34 @@ class Finding:
 
     @property
     def judgements(self) -> tuple[AnyJudgement, ...]:
-        """The judges' answers about `run`."""
+        """Return the judges' answers about `run`."""
         return self.run.judgements
 
     @property
     def references(self) -> tuple[ReferenceRun, ...]:
-        """Runs of reference drivers in the test case of `run`."""
+        """Return the runs of reference drivers in the test case of `run`."""
         return self.run.references
 
     @property
     def preventability(self) -> Preventability | None:
-        """Answer of the careful driver of UN Regulation 157 about `run`."""
+        """Return the answer of the careful driver of UN Regulation 157 about `run`."""
         return self.run.preventability
 
     @property
     def anticipation(self) -> Anticipation | None:
-        """Answer of the anticipating driver about `run`."""
+        """Return the answer of the anticipating driver about `run`."""
         return self.run.anticipation
 
     @property
     def avoidable(self) -> bool:
-        """Whether a judge, or a reference driver for any of its failures, states that it could have been avoided."""
+        """Return whether a judge, or a reference driver for any of the failures, says that it could have been
+        avoided.
+        """
         return any(judgement.avoids for judgement in self.judgements) or bool(self.avoided)
 
     @property
     def count(self) -> int:
-        """Number of its failures."""
+        """Return the number of failures."""
         return 1 + len(self.siblings)
 
 

@@ -56,7 +56,7 @@ def minimise_file(
     if not driver:
         refuse_programs(
             [(address, Path(wanted.file))],
-            "--run-programs starts it, --driver names another driver",
+            "--run-programs starts it; --driver chooses another driver",
             unless=run_programs,
         )
     folder = store_folder or wanted.store
@@ -70,7 +70,7 @@ def minimise_file(
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")
     if (stored := _stored_result(folder, its)) is not None:
-        # It may be stored under another campaign's names.
+        # The stored result may have the names of another campaign.
         return _checked(replace(stored, clip=clip.name, child=replace(stored.child, name=mutant.name))), parent, 0
     work = _Work(parent, clip, mutant, absolute(wanted.file).parent, address, seed, run_seed, limit_m, budget)
     with Store(folder) as store:
@@ -111,7 +111,7 @@ def _apart(work: _Work) -> tuple[Minimised, bytes | None]:
         pool.add([Task(work.mutant.name, _minimise, work)])
         ((_, outcome),) = pool.results()
     if isinstance(outcome, Broken):
-        printed = f"; it had printed: {outcome.output.strip()}" if outcome.output.strip() else ""
+        printed = f"; its output was: {outcome.output.strip()}" if outcome.output.strip() else ""
         raise DriverError(f"{work.mutant.name} cannot be minimised with {work.driver}: {outcome.reason}{printed}")
     result: tuple[Minimised, bytes | None] = outcome
     return result
@@ -184,11 +184,11 @@ def _stored_result(folder: Path, its: str) -> Minimised | None:
 def _loaded(file: Path, *, allow_outside: bool) -> tuple[TestCase, Clip, Mutant]:
     case = load_test_case(str(file), allow_outside=allow_outside)
     if case.mutant is None or case.clip is None:
-        raise ForeseeError(f"{file} holds no mutant, so that there is nothing to minimise")
+        raise ForeseeError(f"{file} does not contain a mutant, so there is nothing to minimise")
     mutant, above = case.mutant, absolute(file.parent / case.mutant.parent)
     while isinstance(
         other := load(above).model, Mutant
-    ):  # a mutant of a mutant becomes one mutant of the clip with all changes
+    ):  # a mutant of a mutant is treated as one mutant of the clip, with all changes
         mutant = mutant.model_copy(update={"pin": other.pin, "body": (*other.changes, *mutant.body)})
         above = absolute(above.parent / other.parent)
     return case, case.clip, mutant.model_copy(update={"parent": relative_to(absolute(file).parent, above)})

@@ -32,39 +32,39 @@ class NamedFailure:
 
     @property
     def store(self) -> Path | None:
-        """The store of its campaign; None without a campaign."""
+        """Return the store of its campaign; None without a campaign."""
         folder = self.campaign / "store" if self.campaign is not None else None
         return folder if folder is not None and (folder / "runs.sqlite").is_file() else None
 
     @property
     def finding(self) -> Mapping[str, Any] | None:
-        """The entry in `campaign.json` of the finding to which the failure belongs."""
+        """Return the entry in `campaign.json` of the finding to which the failure belongs."""
         all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
         own = (finding for finding in all_found if finding["name"] == self.name)
         return next(own, next((finding for finding in all_found if self.name in finding.get("siblings", ())), None))
 
     @property
     def minimised(self) -> Path | None:
-        """The file of its minimised form, or None."""
+        """Return the file of its minimised form, or None."""
         file = self.campaign / "findings" / self.name / self.file.name if self.campaign is not None else None
         return file if file is not None and is_file(file) else None
 
     @property
     def sentence(self) -> str:
-        """The failure's story in a sentence; "" without a campaign."""
+        """Return the failure's story in a sentence; "" without a campaign."""
         own_sentence = (self._own.get("story") or {}).get("sentence")
         finding = self.finding or {}
         return str(own_sentence or (finding.get("sentence") if finding.get("name") == self.name else "") or "")
 
     @property
     def sentence_minimised(self) -> str:
-        """The story of the minimised form in a sentence; "" without a campaign."""
+        """Return the story of the minimised form in a sentence; "" without a campaign."""
         finding = self.finding or {}
         return str((finding.get("minimised") or {}).get("sentence") or "") if finding.get("name") == self.name else ""
 
     @property
     def reason(self) -> str:
-        """How its run ended; "" without a campaign."""
+        """Return how its run ended; "" without a campaign."""
         return str(self._own.get("reason") or "")
 
     @property
@@ -100,8 +100,10 @@ def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFa
             return NamedFailure(wanted, Path(others[wanted]), campaign, data, child=False)
         raise ForeseeError(f"{wanted} is a test case that fails as it is written: there is no mutation to minimise")
     if not data:
-        raise ForeseeError(f"there is no file {wanted!r}, and no campaign in {campaign} that could have a finding of "
-                           "that name (`--campaign OUT` says where it is)")  # fmt: skip
+        raise ForeseeError(
+            f"there is no file {wanted!r}, and no campaign in {campaign} with a finding of that name (write the "
+            "campaign's folder with `--campaign OUT`)"
+        )
     names = sorted({*children, *others})
     hint = did_you_mean(wanted, names) if names else "that campaign found no failure"
     raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {Help.of(hint).text}")
@@ -114,7 +116,9 @@ def _name_of(number: int, data: Mapping[str, Any], campaign: Path) -> str:
     if name is not None:
         return name
     has = (
-        f"has findings 1 to {len(findings)}" if findings else "has no findings (`--campaign OUT` names another folder)"
+        f"has findings 1 to {len(findings)}"
+        if findings
+        else "has no findings (`--campaign OUT` chooses another folder)"
     )
     raise ForeseeError(f"there is no finding {number}: the campaign in {campaign} {has}")
 
@@ -123,7 +127,7 @@ def _by_file(path: Path) -> NamedFailure:
     kind = kind_of(path)
     if kind != "mutant":
         what = f"a {kind}" if kind else "no definition"
-        raise ForeseeError(f"{path} holds {what}, not a mutant: name a mutant's file, or a finding of a campaign")
+        raise ForeseeError(f"{path} contains {what}, not a mutant: write a mutant's file, or a finding of a campaign")
     above = next((folder for folder in absolute(path).parents if is_file(folder / JSON)), None)
     data = read_written(above) if above is not None else {}
     child = next((child for child in _children(data) if child["mutant"] == path.stem and child.get("file")), None)

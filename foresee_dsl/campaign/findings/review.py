@@ -1,4 +1,4 @@
-"""Collects what a review of a finding shows: the story, the changes, the boundary, and the mutations that passed."""
+"""Collects the data for a review of a finding: the story, the changes, the boundary, and the mutations that passed."""
 
 from __future__ import annotations
 
@@ -71,30 +71,30 @@ class Review:
 
     @property
     def minimised(self) -> Mapping[str, Any] | None:
-        """The minimised representative; None for a test case, or before minimisation."""
+        """Return the minimised representative; None for a test case, or before minimisation."""
         record: Mapping[str, Any] | None = self.finding.get("minimised")
         return record
 
     @property
     def withstood(self) -> tuple[str, ...]:
-        """Names of the mutations that the driver passed."""
+        """Return the names of the mutations that the driver passed."""
         return tuple(mutation.name for mutation in self.others if mutation.verdict == "pass")
 
     @property
     def as_found(self) -> str:
-        """The representative's file before minimisation."""
+        """Return the representative's file before minimisation."""
         return str(self.finding["file"])
 
     @property
     def file(self) -> str:
-        """The file to inspect: the minimised one if it exists."""
+        """Return the file to inspect: the minimised one if it exists."""
         if self.finding.get("clip") is None:
             return str(self.finding["file"])
         return (self.campaign / str((self.minimised or self.finding)["file"])).as_posix()
 
     @property
     def commands(self) -> tuple[tuple[str, str], ...]:
-        """The next steps for the user: the description and the command of each."""
+        """Return the next steps for the user: the description and the command of each."""
         mutant = self.finding.get("clip") is not None
         driver = f" --driver {shlex.quote(self.driver)}" if self.driver != "pdm" else ""
         seed = f" --seed {self.seed}" if self.seed else ""
@@ -110,7 +110,7 @@ class Review:
 
     @property
     def command_lines(self) -> tuple[str, ...]:
-        """The commands without descriptions."""
+        """Return the commands without descriptions."""
         return tuple(command for _, command in self.commands)
 
 

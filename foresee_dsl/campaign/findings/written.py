@@ -1,4 +1,4 @@
-"""Reads `campaign.json`; content that no campaign writes is reported with its place."""
+"""Reads `campaign.json`; content that no campaign writes is reported with its place in the file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def read_written(campaign: Path) -> dict[str, Any]:
         if wrong is not None:
             where = ".".join(map(str, wrong["loc"])) or "the whole file"
             raise ForeseeError(
-                f"{file} is not what a campaign writes ({where}: {wrong['msg']}): run the campaign again"
+                f"{file} was not written by a campaign of this version ({where}: {wrong['msg']}): run it again"
             ) from err
     return _Object(file, data)
 

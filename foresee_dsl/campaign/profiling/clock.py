@@ -51,7 +51,7 @@ class Measurement:
 
 
 EVERY = 8
-"""CPU time is read around one in this many decisions. Ours: reading it around every decision took 6 % of a campaign, so
+"""CPU time is read around one of this many decisions. Ours: reading it around every decision took 6 % of a campaign, so
 this takes less than 1 %."""
 
 
@@ -76,10 +76,10 @@ class Clock:
         self.runs = self.decisions = 0
         self.simulated_s = 0.0
         self._exactly = False
-        """True if CPU time is read around the present decision."""
+        """Whether CPU time is read around the present decision."""
         self._decisions = 0
-        self._own_cpu = self._own_wall = 0  # of decisions around which it was read
-        self._open = [0] * len(Part)  # wall time since CPU time was read
+        self._own_cpu = self._own_wall = 0  # the decisions around which CPU time was read
+        self._open = [0] * len(Part)  # wall time since CPU time was last read
         self._wall = [0] * len(Part)
         self._cpu = [0] * len(Part)
         self._cpu_read = time.process_time_ns()
@@ -96,13 +96,13 @@ class Clock:
 
     def begin(self, part: Part) -> None:
         """Count for a part from now on, until `end`."""
-        if part.simulates and self.part is Part.PLACING:  # SUMO steps there too, before the first frame
+        if part.simulates and self.part is Part.PLACING:  # SUMO also steps there, before the first frame
             part = Part.PLACING
         self._before.append(self.enter(part))
 
     def end(self) -> None:
         """Count again for the part that was active before the last `begin`."""
-        if self._before:  # otherwise the part began before this clock
+        if self._before:  # otherwise the part began before this clock existed
             self.enter(self._before.pop())
 
     def begin_decision(self, *, first: bool) -> None:

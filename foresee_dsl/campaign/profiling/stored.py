@@ -19,5 +19,5 @@ class Stored(Listener):
 
     @property
     def count(self) -> int:
-        """Number of results that were in the store before."""
+        """Return the number of results that were in the store before."""
         return len(self._reused - self._new)

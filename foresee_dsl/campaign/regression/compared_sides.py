@@ -40,7 +40,7 @@ def side_of_campaign(folder: Path) -> Side:
             f"there is no finished campaign in {folder}: `foresee campaign` writes campaign.json"
         ) from None
     except (KeyError, TypeError, ValueError) as err:
-        message = f"{file} does not say what its test cases mean: run the campaign again with this version"
+        message = f"{file} does not state the meaning of its test cases: run the campaign again with this version"
         raise ForeseeError(message) from err
     return Side(label, runs, broken)
 
@@ -82,7 +82,7 @@ def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
 def _named_test(path: str) -> tuple[SuiteTest, ...]:
     try:
         return suite_of([path])
-    except ForeseeError:  # a scenario without expectations, or a missing file, which loading reports
+    except ForeseeError:  # the file is a scenario without expectations, or is missing, which loading reports
         return ()
 
 

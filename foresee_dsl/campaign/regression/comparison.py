@@ -12,7 +12,7 @@ from typing import Any
 from foresee_dsl.simulate.results.verdict import Verdict, passes
 
 SIGNIFICANT = 0.05
-"""A smaller p counts as more than chance: the usual level."""
+"""A p below this counts as more than chance: the usual level."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Ran:
 
     @property
     def failed(self) -> bool:
-        """Whether it did not pass: a failure, a broken expectation, a crash or a timeout."""
+        """Return whether the run did not pass: a failure, a broken expectation, a crash or a timeout."""
         return not passes(self.verdict, self.broken_expectations)
 
 
@@ -105,14 +105,16 @@ class Pair:
 
     @property
     def change(self) -> Change:
-        """How the test case changed."""
+        """Return how the test case changed."""
         if self.base.failed:
             return Change.STILL_FAILING if self.new.failed else Change.FIXED
         return Change.NEW_FAILURE if self.new.failed else Change.STILL_PASSING
 
     @cached_property
     def nearer(self) -> Nearer | None:
-        """The measure that moved most towards a failure, for a pair that passes on both sides; None without one."""
+        """Return the measure that moved most towards a failure, for a pair that passes on both sides; None
+        without one.
+        """
         if self.change is not Change.STILL_PASSING:
             return None
         candidates = [
@@ -123,9 +125,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class Nearer:
-    """A near miss that became nearer: its measure, the values before and after (None: no value), and the other actor.
+    """A near miss that came nearer: its measure, the values before and after (None: no value), and the other actor.
 
-    `share`: the change as a share of the limit of near values.
+    `share`: the change, divided by the limit below which values are near.
     """
 
     measure: str
@@ -140,7 +142,8 @@ class Row:
     """Figures of one family or one kind of failure: failures on each side, and the exact test.
 
     Attributes:
-        label: `all`, a family, or a kind. kind: it is a kind of failure. pairs: test cases on both sides.
+        label: `all`, a family, or a kind. kind: whether the row is that of a kind of failure. pairs: test cases on both
+            sides.
         new_failures, fixed: pairs that fail only on the new side, or only on the base side.
         p: probability that chance splits these at least as unevenly, two-sided.
     """
@@ -187,32 +190,32 @@ class Comparison:
 
     @property
     def ok(self) -> bool:
-        """Whether there is no new failure."""
+        """Return whether there is no new failure."""
         return not self.new_failures
 
     @property
     def paired(self) -> int:
-        """Number of test cases on both sides."""
+        """Return the number of test cases on both sides."""
         return len(self.pairs)
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Tests that could not be run on either side."""
+        """Return the tests that could not be run on either side."""
         return self.base.broken + self.new.broken
 
     @property
     def new_failures(self) -> tuple[Pair, ...]:
-        """Test cases that pass on the old side and fail on the new one."""
+        """Return the test cases that pass on the old side and fail on the new one."""
         return self.of(Change.NEW_FAILURE)
 
     @property
     def fixed(self) -> tuple[Pair, ...]:
-        """Pairs that only the new side passes."""
+        """Return the pairs that only the new side passes."""
         return self.of(Change.FIXED)
 
     @property
     def still_failing(self) -> tuple[Pair, ...]:
-        """Pairs that neither side passes."""
+        """Return the pairs that neither side passes."""
         return self.of(Change.STILL_FAILING)
 
     def of(self, change: Change) -> tuple[Pair, ...]:
@@ -222,13 +225,13 @@ class Comparison:
 
     @property
     def nearer(self) -> tuple[Pair, ...]:
-        """Pairs whose near miss became nearer, the largest change first."""
+        """Return the pairs whose near miss came nearer, the largest change first."""
         pairs = [pair for pair in self.pairs if pair.nearer is not None]
         return tuple(sorted(pairs, key=lambda pair: (-pair.nearer.share if pair.nearer else 0.0, pair.new.name)))
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """The figures of all test cases, of each family, and of each kind of failure that occurs."""
+        """Return the figures of all test cases, of each family, and of each kind of failure that occurs."""
         families = sorted({pair.new.family for pair in self.pairs}, key=lambda f: (not f.isdigit(), int(f or 0), f))
         ended = {ran.verdict for pair in self.pairs for ran in (pair.base, pair.new)}
         kinds = [v for v in Verdict if v is not Verdict.PASS and v in ended]
@@ -239,7 +242,7 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """The result in a sentence."""
+        """Return the result in a sentence."""
         total = self.rows[0]
         counts = f"{total.new_failures} new failure{'' if total.new_failures == 1 else 's'}, {total.fixed} fixed"
         if not total.new_failures + total.fixed:
@@ -295,7 +298,8 @@ def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | 
     was = _value(before) if before is not None else None
     far = measure.near - measure.sign * measure.step if was is None else was
     change = (now - far) * measure.sign
-    if (now - measure.near) * measure.sign < 0 or not change >= measure.step:  # `not`: also true for inf - inf
+    # `not`, because the comparison must also be true for inf - inf.
+    if (now - measure.near) * measure.sign < 0 or not change >= measure.step:
         return None
     capped = min(now, 99.0) if math.isinf(now) else now
     return Nearer(name, was, capped, str(value.get("with") or ""), round(min(change / measure.near, 99.0), 3))

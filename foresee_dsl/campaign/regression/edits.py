@@ -40,9 +40,9 @@ def with_expected(text: str, new: m.Expected) -> str:
     changes = [item for item in body if isinstance(item, m.Change)]
     heads = [item for item in body if isinstance(item, m.Doc | m.Tags)]
     after = next(iter((stated or changes or heads)[-1:]), None)
-    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
+    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends alternate
     end = lines[1] if len(lines) > 1 else "\n"
-    # After a statement on its own line, insert a line; a text in another layout is printed anew.
+    # After a statement that has its own line, a line is inserted; a text in another layout is printed anew.
     at = _span(document, after).end_line if after is not None else _span(document, document.model).line
     reference = lines[2 * (at - 1)]
     if after is None:
@@ -69,7 +69,7 @@ def with_doc(text: str, sentence: str) -> str:
     if sentence_in(document):
         return text
     head = _span(document, document.model).line
-    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
+    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends alternate
     if not lines[2 * (head - 1)].split("#")[0].rstrip().endswith("{"):
         return text
     lines.insert(2 * head, f'{INDENT}doc "{as_text(sentence)}"{lines[1]}{lines[1]}')

@@ -16,7 +16,7 @@ from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 DRIVER = "pdm"
 """Driver of a test case that names none."""
 _ACTOR = re.compile(r" with (\w+)")
-"""The other actor of a recorded failure: `F2 collision with walker (pedestrian) at 4.75 s, 6.4 m/s`."""
+"""Matches the other actor of a recorded failure: `F2 collision with walker (pedestrian) at 4.75 s, 6.4 m/s`."""
 
 
 class Status(StrEnum):
@@ -41,18 +41,18 @@ class Status(StrEnum):
     CAME_BACK = "came_back", "bold red", "it is expected to pass, and fails"
     CHANGED = "changed", "yellow", "it fails in another way, or with another actor"
     STALE = ("stale", "magenta", "its parent's edit reaches it or cannot be traced, or its files have mistakes")
-    NEW = "new", "cyan", "nothing is recorded for this driver"
+    NEW = "new", "cyan", "the file records no result of this driver"
     FIXED = "fixed", "green", "it is expected to fail, and passes"
     AS_EXPECTED = "as_expected", "dim", "it ends as recorded"
 
     @property
     def label(self) -> str:
-        """The name in words: `came back`."""
+        """Return the name in words, such as `came back`."""
         return self.value.replace("_", " ")
 
     @property
     def can_be_recorded(self) -> bool:
-        """Whether `--update` records this result as the expected one."""
+        """Return whether `--update` records this result as the expected one."""
         return self in (Status.CAME_BACK, Status.CHANGED, Status.NEW, Status.FIXED)
 
 
@@ -74,7 +74,7 @@ class Ending:
 
     @property
     def passes(self) -> bool:
-        """Whether the run passed with all expectations."""
+        """Return whether the run passed and all expectations hold."""
         return self.verdict is Verdict.PASS and not self.breaks
 
     def expected_of(self, driver: str, case: str | None = None) -> m.Expected | None:
@@ -85,7 +85,7 @@ class Ending:
             return None
         is_name = re.fullmatch(
             m.NAME_PATTERN, self.actor
-        )  # ids of background traffic on a foreign network may not be names
+        )  # ids of background traffic on a foreign network may not be names of the language
         return m.Expected.model_validate(
             {
                 "driver": driver,
@@ -110,7 +110,7 @@ def judge(expected: m.Expected | None, ending: Ending) -> Status:
     verdict = ending.verdict
     if verdict is Verdict.CRASH:
         return Status.CRASHED
-    if expected is not None and not ending.hangs and _is_met(expected, ending):  # a hang may be due to this machine
+    if expected is not None and not ending.hangs and _is_met(expected, ending):  # another machine may not have the hang
         return Status.AS_EXPECTED
     if verdict is Verdict.TIMEOUT:
         return Status.TIMED_OUT

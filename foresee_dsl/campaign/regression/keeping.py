@@ -25,7 +25,8 @@ class Kept:
     """One test case of a suite.
 
     Attributes:
-        file: in the suite. new: it was not there before. minimised: it is the minimised form of a finding.
+        file: its file in the suite. new: whether it was not there before. minimised: whether it is the minimised form
+            of a finding.
         sentence: what happens in it; empty without a campaign.
     """
 
@@ -122,10 +123,10 @@ class _Writer:
         file = self._folder / f"{name}{a.SUFFIX}"
         kept = Kept(file, not (file.exists() or file in self._new), source.minimised, source.sentence)
         if file in self._new:
-            raise ForeseeError(f"two of them are called {name!r}: keep them one by one, with `--as NAME`")
+            raise ForeseeError(f"two of them have the name {name!r}: keep them one by one, with `--as NAME`")
         if file.exists():
             if not _means(file, source.case.meaning):
-                message = "is there already, and is another test case: `--as NAME` keeps this one beside it"
+                message = "exists already and is another test case: `--as NAME` keeps this one under another name"
                 raise ForeseeError(f"{file} {message}, or remove the file first")
             return kept
         text = source.text
@@ -188,7 +189,7 @@ class _Writer:
                 self._new[file] = content
                 self.parents.append(file)
                 if number > 1:
-                    self.notes.append(f"{file}: another {name} with another meaning is kept already")
+                    self.notes.append(f"{file}: the suite already has another {name} with a different meaning")
                 return called
             if there == content or (name.endswith(a.SUFFIX) and _same(there, content)):
                 return called

@@ -40,12 +40,12 @@ class SuiteTest:
 
     @property
     def address(self) -> str:
-        """Its address: `FILE` or `FILE::CASE`."""
+        """Return the address: `FILE` or `FILE::CASE`."""
         return f"{self.file}::{self.case}" if self.case else str(self.file)
 
     @property
     def driver(self) -> str:
-        """The driver that its file records or has expectations for; otherwise `pdm`."""
+        """Return the driver that the file records or has expectations for; otherwise `pdm`."""
         if self.origin is not None and self.origin.driver:
             return recorded_address(self.origin.driver)
         addresses = (recorded_address(item.driver) for item in self.stated)
@@ -53,7 +53,7 @@ class SuiteTest:
 
     @property
     def seed(self) -> int:
-        """The seed that its file records; otherwise 0."""
+        """Return the seed that the file records; otherwise 0."""
         return int(self.origin.seed.value) if self.origin and self.origin.seed else 0
 
 
@@ -70,7 +70,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
         if not tests and file in named:
             kind = a.kind_of(file)
             message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
-            help = "name a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
+            help = "write a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
             raise a.mistake(c.WRONG_KIND, message, help, a.display_path(file))
         collected += tests
     return tuple(collected)
@@ -83,7 +83,7 @@ def _tests_of(file: Path) -> Iterator[SuiteTest]:
         return
     try:
         document = load(file, shown_as=a.display_path(file))
-    except InputError:  # running it reports the errors
+    except InputError:  # running the test reports the errors
         yield SuiteTest(file)
         return
     stated = stated_in(document)

@@ -1,4 +1,6 @@
-"""Repetition of test cases with expected results: as expected, fixed, came back, changed, new or stale."""
+"""Runs test cases with expected results again, and says how they compare: as expected, fixed, came back, changed, new
+or stale.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +82,7 @@ class Recheck:
 
     @property
     def path(self) -> Path:
-        """Its file."""
+        """Return the file of the test case."""
         return Path(self.file.removesuffix(f"::{self.case}") if self.case else self.file)
 
 
@@ -113,7 +115,7 @@ def verify_files(
     else:
         refuse_programs(
             ((test.driver, test.file) for test in tests),
-            "--run-programs starts what the files say, --driver names another driver",
+            "--run-programs starts the programs that the files name; --driver chooses another driver",
             unless=run_programs,
         )
     pool = _Pool(driver, jobs, deadlines)
@@ -122,7 +124,10 @@ def verify_files(
     notes = reached([test.file for test in stale])
     harmless = [test for test in stale if notes.get(test.file) == ""]
     for test, seen in zip(harmless, pool.run(harmless, check_pin=False), strict=True):
-        note = "its parent was edited, and the edit does not reach it: `foresee repin --write` writes the new pins"
+        note = (
+            "its parent was edited, but the edit does not change this test: `foresee repin --write` records the "
+            "parent's new state"
+        )
         results[test] = replace(seen, note=note)
     for test in stale:
         if why := notes.get(test.file):
@@ -196,7 +201,7 @@ def recheck(
     try:
         case = (project or Project()).test_case(test.address)
         result = run_test_case(case, driver, test.seed, deadlines=deadlines)
-    except InputError as err:  # also of actors that the network has no place for
+    except InputError as err:  # also if the network has no place for one of the actors
         return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
     ending = Ending.of(result)
     version = str(result.trace.meta.get("driver_version", ""))
@@ -226,7 +231,7 @@ def other_version(test: SuiteTest, driver: str, version: str) -> str:
         differ.append((origin.driver, recorded_driver(driver, version)))
     if origin.tool:
         differ.append((f"foresee-dsl {origin.tool}", f"foresee-dsl {__version__}"))
-    differences = [f"with {then}, and run with {now} now" for then, now in differ if then != now]
+    differences = [f"with {then}, and is now run with {now}" for then, now in differ if then != now]
     return f"it was recorded {'; '.join(differences)}" if differences else ""
 
 
@@ -242,7 +247,7 @@ def reached(files: Sequence[Path]) -> dict[Path, str]:
         family |= dict.fromkeys(_ancestors(file))
     try:
         derived_files = {absolute(derived.file): derived for derived in plan(family)}
-    except InputError:  # one file with errors must not affect the others
+    except InputError:  # errors in one file must not affect the others
         return {} if len(files) == 1 else {file: why for each in files for file, why in reached([each]).items()}
     return {file: why for file in files if (why := _why_stale(derived_files.get(absolute(file)))) is not None}
 

@@ -34,7 +34,7 @@ class CaseStep(Step[None, None]):
     @classmethod
     def of_case(cls, case: TestCase, name: str, campaign: KeyInputs) -> Self:
         """Return the step of a test case; `name` begins the names of its files."""
-        # A clip's window is not part of the scenario, but determines the noise of its sensors.
+        # The window of a clip is not part of the scenario, but it determines the noise of the sensors.
         window = clip_pin(case.clip, case.clip.pin) if case.clip is not None else ""
         seed = campaign.settings.seed
         return cls(

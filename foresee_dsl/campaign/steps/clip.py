@@ -56,7 +56,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
         """Run the clip and compare it."""
         if trace is None:
-            raise ValueError(f"clip {self.draft.name} has no parent's trace to be compared with")
+            raise ValueError(f"clip {self.draft.name} cannot be compared, because its parent's trace is missing")
         started = time.perf_counter()
         file = work.folder / f"{self.draft.name}.foresee"
         text, driver = self.draft.text, work.settings.driver

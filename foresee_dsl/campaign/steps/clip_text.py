@@ -42,5 +42,5 @@ def mutant_of(text: str) -> Mutant:
 def _printed(text: str, kind: type[_T]) -> _T:
     model = parse(text, f"a {kind.__name__.lower()} of this campaign").model
     if not isinstance(model, kind):
-        raise TypeError(f"{model.name} was printed from a {kind.__name__.lower()} and is now a {model.kind}")
+        raise TypeError(f"{model.name} was printed as a {kind.__name__.lower()}, but was read back as a {model.kind}")
     return model

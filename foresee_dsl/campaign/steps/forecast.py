@@ -77,13 +77,13 @@ class ForecastStep(Step["CaseStep", CaseRunOutcome]):
         points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
         search = preset(s.preset).search
         promise = Promise(RecordedRun.of(trace), search, self.seed) if search is not None else None
-        # Points at one moment (for example of two actors) have clips of the same meaning: keep only the first.
+        # Points at the same moment, such as of two actors, have clips of the same meaning; only the first is kept.
         drafts: dict[str, Draft] = {}
         for point in points:
             if len(drafts) == s.risky_points:
                 break
             if promise is not None and not promise.of(point.frame, before_s=s.before_s, after_s=s.after_s):
-                continue  # the preset's search would have no mutation there
+                continue  # the preset's search would find no mutation there
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
             window = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
             draft = _draft(clip_around(case, trace, point, file, **window), point.rank)

@@ -78,7 +78,7 @@ def load_trace(ref: InputRef) -> Trace:
 def _loaded(ref: InputRef) -> TestCase:
     case = pickle.loads(ref.read())  # noqa: S301 - of this campaign
     if not isinstance(case, TestCase):
-        raise TypeError(f"{ref.path} holds no test case")
+        raise TypeError(f"{ref.path} does not contain a test case")
     return case
 
 

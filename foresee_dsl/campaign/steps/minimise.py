@@ -108,7 +108,7 @@ def minimised(
     child, result = _run(subject, smaller.clip, smaller.mutant, driver, seed, rules)
     notes = (
         "" if smaller.complete else f"the budget of {budget} runs was not enough for all reductions",
-        "" if smaller.cut_again else "not shortened: the run that its clip was cut from is not known",
+        "" if smaller.cut_again else "not shortened: the run from which its clip was cut is not available",
     )
     record = Minimised(
         child=child,

@@ -64,7 +64,7 @@ def driven(
 _MOST_KNOWN = 64
 """Maximum number of cached verdicts. Ours: a few drivers for each of the clips that a process caches."""
 _KNOWN: dict[tuple[str, CaseRef, str, int, RulesMode], Verdict] = {}
-"""Cached verdicts of clips with reference drivers, as failing mutants of one clip share them."""
+"""Verdicts of clips with reference drivers, cached because failing mutants of one clip share them."""
 
 
 def verdict_of_clip(
@@ -75,7 +75,7 @@ def verdict_of_clip(
     if verdict is None:
         case = clip_case(text, parent, file)
         verdict = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules).verdict
-        if verdict is Verdict.PASS or verdict.is_failure:  # broken runs and timeouts are repeated
+        if verdict is Verdict.PASS or verdict.is_failure:  # runs that crashed or took too long are repeated
             while len(_KNOWN) >= _MOST_KNOWN:
                 del _KNOWN[next(iter(_KNOWN))]
             _KNOWN[text, parent, driver, seed, rules] = verdict

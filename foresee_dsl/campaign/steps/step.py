@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
 
 Above = TypeVar("Above")
-"""Class of the step that a step follows from; None for the first."""
+"""Type of the step that a step follows from; None for the first step."""
 Result = TypeVar("Result")
-"""Record of that step."""
+"""Type of the record of that step."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class StepResult:
 class Step(ABC, Generic[Above, Result]):
     """One step of a campaign.
 
-    Attributes:
-        key: of its result. name: name of its file, without folder and suffix. seed: of all its random choices.
+    Attributes: key: key of its result. name: name of its file, without folder and suffix. seed: seed of all its random
+    choices.
 
     Attributes of a class:
         kind: its name in the store. title: plural for people. follows: the kind that it follows from.
@@ -157,7 +157,7 @@ class Step(ABC, Generic[Above, Result]):
 
     @property
     def rank(self) -> int:
-        """Rank of its risky point; 0 without one."""
+        """Return the rank of its risky point; 0 without one."""
         return 0
 
 
@@ -174,7 +174,7 @@ class ClipPart(Step[Above, Result]):
 
     @property
     def rank(self) -> int:
-        """Rank of its risky point."""
+        """Return the rank of its risky point."""
         return self.draft.rank
 
 

@@ -1,4 +1,6 @@
-"""Single writer: a lock on a folder, which the system releases however its holder ends."""
+"""Makes sure that only one process writes to a folder: a lock, which the system releases when its holder ends in any
+way.
+"""
 
 from __future__ import annotations
 
@@ -54,12 +56,12 @@ class Lock:
         except BlockingIOError:
             holder = os.read(descriptor, _LONGEST).decode(errors="replace").strip()
             os.close(descriptor)
-            raise LockedError(file, holder or "a process that is just starting", "") from None
+            raise LockedError(file, holder or "a process that has just started", "") from None
         except OSError as err:
             os.close(descriptor)
             raise LockedError(file, "", err.strerror or str(err)) from err
         self._descriptor: int | None = descriptor
-        with contextlib.suppress(OSError):  # on a full disk the lock is still valid
+        with contextlib.suppress(OSError):  # on a full disk the text cannot be written, but the lock is still valid
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, f"{_this_process()}\n".encode(), 0)
 
@@ -69,7 +71,8 @@ class Lock:
             return
         with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, 0)
-            fcntl.flock(self._descriptor, fcntl.LOCK_UN)  # a fork has the descriptor too, and would keep the lock
+            # A forked process has the descriptor too, and would keep the lock.
+            fcntl.flock(self._descriptor, fcntl.LOCK_UN)
         os.close(self._descriptor)
         self._descriptor = None
 
@@ -103,7 +106,7 @@ def only_writer(folder: Path, option: str) -> Iterator[None]:
         except LockedError as err:
             if err.holder:
                 raise ForeseeError(
-                    f"another campaign ({err.holder}) writes its results into {folder}: wait for it, or name another "
+                    f"another campaign ({err.holder}) writes its results into {folder}: wait for it, or choose another "
                     f"folder with {option}"
                 ) from None
             raise ForeseeError(
@@ -123,6 +126,6 @@ def _this_process() -> str:
     """Return a description of this process: `process 4711 of anna on build-3, since 2026-03-01 14:05:09`."""
     try:
         user = f" of {getpass.getuser()}"
-    except (OSError, KeyError, ImportError):  # a container's user without a name
+    except (OSError, KeyError, ImportError):  # in a container, the user may have no name
         user = ""
     return f"process {os.getpid()}{user} on {socket.gethostname()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}"

@@ -19,7 +19,7 @@ TABLE = (
 )  # fmt: skip
 """Columns of an exported table: those of a row, without its record."""
 _STALE_S = 3600.0
-"""A half-written blob older than this, s, belongs to no running process. Ours: writing one takes milliseconds."""
+"""A half-written blob older than this does not belong to a running process, s. Ours: writing one takes milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def merge(sources: Sequence[Path], into: Path) -> Merged:
             with Store(folder, write=False) as source:
                 for row in source.rows():
                     trace = source.blobs.get(row.trace) if row.trace else None
-                    if row.trace and trace is None:  # a result without its trace is unusable
+                    if row.trace and trace is None:  # a result without its trace cannot be used
                         if source.blobs.has(row.trace):
                             damaged += 1
                         else:

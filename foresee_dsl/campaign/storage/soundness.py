@@ -19,13 +19,13 @@ from foresee_dsl.limits import most
 UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)
 """Errors of reading a damaged database; the second occurs if the message contains a damaged table name."""
 _SIDES = ("", "-wal", "-shm")
-"""The files of a database in SQLite's write-ahead mode."""
+"""Suffixes of the files of a database in SQLite's write-ahead mode."""
 _MOST_PACKED = 1032
 """Maximum number of bytes that one byte expands to (zlib's Technical Details: "Maximum Compression Factor")."""
 _DAMAGE = ("malformed", "not a database", "unsupported file format")
 """Parts of SQLite's messages about a changed file."""
 _MODES = slice(18, 20)
-"""Bytes of a database that state how it is written and read (SQLite's file format, 1.3)."""
+"""The bytes of a database that state how it is written and read (SQLite's file format, section 1.3)."""
 _WRITE_AHEAD = b"\x02\x02"
 """Value of these bytes in write-ahead mode."""
 
@@ -34,7 +34,7 @@ def sum_of(values: Sequence[bytes | str | float]) -> str:
     """Return the checksum of a row's values in their stored form."""
     parts: list[bytes] = []
     for value in values:
-        # `True`, `1` and `1.0` are one value in a database
+        # A database does not distinguish `True`, `1` and `1.0`.
         data = value if isinstance(value, bytes) else repr(value if isinstance(value, str) else float(value)).encode()
         parts += (b"%d:" % len(data), data)
     return hashlib.sha256(b"".join(parts)).hexdigest()[:32]
@@ -135,7 +135,7 @@ def _with_new_start(file: Path, copy: Path, setup: Sequence[str]) -> Path:
     data = copy.read_bytes()
     page[_MODES] = _WRITE_AHEAD
     page[28:32] = (len(data) // size).to_bytes(4, "big")
-    page[92:96] = page[24:28]  # SQLite uses the number of pages only if these two agree
+    page[92:96] = page[24:28]  # SQLite uses the number of pages only if these two numbers agree
     copy.write_bytes(page + data[size:])
     return copy
 

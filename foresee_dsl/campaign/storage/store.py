@@ -57,8 +57,9 @@ class Row:
     """One result.
 
     Attributes:
-        key: see `keys`. kind: of step. name: for people. driver: its address ("" if the step is not a run).
-        verdict: of a run, otherwise "". broken: the run gave no result: its process died, hung or raised.
+        key: see `keys`. kind: kind of step. name: its name for people. driver: address of the driver ("" if the step is
+            not a run). verdict: verdict of a run, otherwise "". broken: whether the run gave no result, because its
+            process died, hung or raised an exception.
         simulated_s, wall_s: times of the run; for a run ended by its deadline, that deadline.
         trace: the blob's name, or "".
         record: the result, in the form of `records.encode`.
@@ -116,7 +117,7 @@ class Store:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _locked(folder)
         elif not (folder / "runs.sqlite").is_file():
-            raise StoreError(f"there is no store in {folder}: `foresee campaign` makes one")
+            raise StoreError(f"there is no store in {folder}: `foresee campaign` creates one")
         try:
             with self._errors():
                 self._database = self._open(write)
@@ -145,7 +146,7 @@ class Store:
         query = f"{_SELECT}, {self._sum} FROM runs WHERE key = ?"
         columns: tuple[Any, ...] | None
         try:
-            # SQLite's module decodes texts in half the time of our function, but raises for a damaged one.
+            # SQLite's module decodes texts in half the time of our function, but raises an exception for a damaged one.
             database.text_factory = str
             try:
                 columns = database.execute(query, (key,)).fetchone()
@@ -154,7 +155,7 @@ class Store:
                 columns = database.execute(query, (key,)).fetchone()
             finally:
                 database.text_factory = _text
-        except (*UNREADABLE, OSError) as err:  # not `_errors`, which costs as much as the query itself
+        except (*UNREADABLE, OSError) as err:  # not `_errors`, because that costs as much as the query itself
             raise StoreError(_explained(self.folder, err, reads=self._lock is None)) from err
         return columns
 
@@ -268,7 +269,8 @@ class Store:
 
     def _open(self, write: bool) -> sqlite3.Connection:
         file = self.folder / "runs.sqlite"
-        # Readers of a write-ahead log write beside it; a read-only folder has no writer: open as immutable.
+        # Readers of a write-ahead log write files beside it; a read-only folder has no writer, so it is opened as
+        # immutable.
         how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
         address = file.resolve().as_uri() + ("" if write else how)
         if write and file.exists() and not is_whole(file):
@@ -333,11 +335,14 @@ def _check_has_only_data(database: sqlite3.Connection, folder: Path) -> None:
     kinds = [kind for (kind,) in database.execute("SELECT type FROM sqlite_master")]
     if not set(kinds) <= {"table", "index"}:
         odd = next(kind for kind in kinds if kind not in ("table", "index"))
-        raise StoreError(f"the store {folder} has a {odd} in its database, which none of ours has: it is not read")
+        raise StoreError(
+            f"the database of the store {folder} contains a {odd}, which stores of foresee-dsl do not have: "
+            "it is not read"
+        )
 
 
 def _text(data: bytes) -> str:
-    return data.decode("utf-8", "replace")  # only damaged rows have invalid bytes, and their checksums differ
+    return data.decode("utf-8", "replace")  # only damaged rows have invalid bytes, and their checksums do not fit
 
 
 def _check_schema(schema: int, folder: Path) -> None:
@@ -345,26 +350,30 @@ def _check_schema(schema: int, folder: Path) -> None:
         return
     newer, older = (
         "a newer version of foresee-dsl",
-        "an older version of foresee-dsl, whose results this one would not take",
+        "an older version of foresee-dsl, whose results this version would not use",
     )
     what = (
-        f"{newer} made it: use that version" if schema > SCHEMA else f"{older}, or something else made it: move it away"
+        f"{newer} wrote it: use that version"
+        if schema > SCHEMA
+        else f"{older}, or another program, wrote it: move it away"
     )
     raise StoreError(
-        f"the store {folder} has schema {schema}, this version ({__version__}) reads {SCHEMA}: {what}, or name another "
-        "folder with --store; nothing was changed"
+        f"the store {folder} has schema {schema}, this version ({__version__}) reads {SCHEMA}: {what}, or choose "
+        "another folder with --store; nothing was changed"
     )
 
 
 def _explained(folder: Path, err: Exception, *, reads: bool) -> str:
     cause = str(getattr(err, "strerror", None) or err)
-    rest = "what was finished before is kept, and the same command continues from there"
+    rest = "finished results are kept, and the same command continues from there"
     if isinstance(err, UnicodeDecodeError) or "not a database" in cause or "malformed" in cause:
-        rescue_it = "`foresee store gc` or the next campaign keeps what can be read of it; or " if reads else ""
-        return f"the store {folder} is damaged ({cause}): {rescue_it}move the folder away, or name another with --store"
+        rescue_it = "`foresee store gc` or the next campaign rescues the results that can be read; or " if reads else ""
+        return (
+            f"the store {folder} is damaged ({cause}): {rescue_it}move the folder away, or choose another with --store"
+        )
     if "readonly" in cause or "read-only" in cause.lower() or "unable to open" in cause:
-        return f"the store {folder} cannot be written ({cause}): name another folder with --store; {rest}"
-    return f"the store {folder} cannot be written ({cause}): {rest} once there is room"
+        return f"the store {folder} cannot be written ({cause}): choose another folder with --store; {rest}"
+    return f"the store {folder} cannot be written ({cause}): {rest} once there is space on the disk"
 
 
 def _locked(folder: Path) -> Lock:

@@ -33,11 +33,11 @@ RECORDED_EVERY_S = 0.05
 """Time between the ego's recorded states of a hand-over, s: each frame. Ours: with every second frame the ego is
 millimetres off in between."""
 PLANS_EVERY_S = 0.2
-"""A clip with a hand-over begins at a multiple of this time of the run, s. Ours: a driver that plans 5 or 10 times a
-second then plans at the same moments as in the run."""
+"""A clip with a hand-over begins at a time of the run that is a multiple of this, s. Ours: a driver that plans 5 or 10
+times a second then plans at the same moments as in the run."""
 DRIVES_S = 1.0
-"""Shortest time that the driver drives before the risky point, s. Ours: the time of a mutation's onset in the preset
-`focused`."""
+"""Shortest time that the driver must drive before the risky point, s. Ours: the time between a change's beginning and
+the risky point in the preset `focused`."""
 
 
 def clip(
@@ -73,10 +73,10 @@ def clip(
             hand-over ends less than `DRIVES_S` before the risky point.
     """
     if not 0 <= point.frame < trace.frames:
-        raise ValueError(f"the run has {trace.frames} frames, none is {point.frame}")
+        raise ValueError(f"the run has {trace.frames} frames, so there is no frame {point.frame}")
     if point.begins is None and handover_s > max(before_s - DRIVES_S, 0.0):
         raise ValueError(
-            f"a hand-over of {handover_s:g} s is too long: it has to end {DRIVES_S:g} s before the risky point, which "
+            f"a hand-over of {handover_s:g} s is too long: it must end {DRIVES_S:g} s before the risky point, which "
             f"is {before_s:g} s after the clip's beginning"
         )
     handover = round(handover_s / STEP_S)
@@ -89,7 +89,7 @@ def clip(
     elif first == 0:
         handover = 0
     last = point.frame + round(after_s / STEP_S)
-    if point.begins is not None:  # no longer than the clip of another point would be
+    if point.begins is not None:  # not longer than the clip of another point would be
         last = min(last, max(point.begins + round((before_s + after_s) / STEP_S), point.frame + 1))
     last = min(trace.frames - 1, last)
     return m.Clip(
@@ -145,7 +145,7 @@ def _body(
 
 
 class _Beginning:
-    """The statements of a clip about its first frame."""
+    """Builds the statements of a clip about its first frame."""
 
     def __init__(self, case: TestCase, trace: Trace, frame: int) -> None:
         self._trace, self._frame, self._now_s = trace, frame, float(trace.time_s[frame])
@@ -161,11 +161,11 @@ class _Beginning:
                 case m.Slippery():
                     self._patches.append(item)
                 case m.When() | m.SignalState() | m.Traffic() | m.End():
-                    pass  # restated for this frame: triggers, signals, each actor of the traffic, the window
+                    pass  # rewritten for this frame: triggers, signals, each actor of the traffic, the window
                 case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
-                    pass  # taken from the parent (see `language.project.expand.expand_clip`)
+                    pass  # added from the parent by `language.project.expand.expand_clip`
                 case m.Doc() | m.Expected() | m.Param() | m.Require() | m.Case() | m.Cases():
-                    pass  # statements about the parent's text; parameters, whose values are already put in
+                    pass  # statements about the parent's text, and parameters, whose values are already inserted
                 case _:
                     assert_never(item)
         self._triggers = triggers_at(case.scenario, trace, frame)
@@ -194,7 +194,9 @@ class _Beginning:
         return [self._actor(k) for k in self._others]
 
     def patches(self) -> list[m.Slippery]:
-        """Return the slippery patches at their world positions, as the reference of their written places may move."""
+        """Return the slippery patches at positions in the world, because an actor that their places refer to may have
+        moved.
+        """
         at = {event.actor: event.detail for event in self._trace.events if event.what == "slippery"}
         spots = ((patch, at[patch.name]) for patch in self._patches if patch.name in at)
         return [patch.model_copy(update={"place": _at((spot["x"], spot["y"]))}) for patch, spot in spots]
@@ -212,7 +214,9 @@ class _Beginning:
         ]
 
     def whens(self) -> list[m.When]:
-        """Return triggers that resume the actors' unfinished orders, and the run's triggers that may still fire."""
+        """Return triggers that resume the actors' unfinished orders, and the triggers of the run that may
+        still fire.
+        """
         resumed = [*self._triggers.things(), *(self._resumed(k) for k in self._others)]
         kept = [self._ends_keeping(k) for k in self._others]
         return [when for when in (*resumed, *kept) if when is not None] + list(self._later)
@@ -255,15 +259,16 @@ class _Beginning:
         return (m.EdgeRoute(edges=route),) if route else ()
 
     def _cruise(self, info: ActorInfo, orders: ActorOrders) -> m.Value | None:
-        """Return an actor's cruise speed: as a trigger set it last, else as its author wrote it, else as in the
-        trace."""
+        """Return an actor's cruise speed: as a trigger last set it, or else as its author wrote it, or else as in the
+        trace.
+        """
         if orders.cruise is not None:
             return orders.cruise
         written = next((item.speed for item in self._source(info.id) if isinstance(item, m.CruiseSpeed)), None)
         return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
 
     def _rules(self, k: int, orders: ActorOrders) -> tuple[m.IgnoresRule | m.MeetsState, ...]:
-        """Return the rules that an actor ignores and the actor that it meets, without junctions that it has passed."""
+        """Return the rules that an actor ignores, and the actor that it meets, without junctions that it has passed."""
         name = self._trace.actors[k].id
         items: list[m.IgnoresRule | m.MeetsState] = [i for i in self._source(name) if isinstance(i, m.IgnoresRule)]
         items += [m.IgnoresRule(what=i.what, junction=i.junction) for i in orders.ignores]
@@ -275,25 +280,28 @@ class _Beginning:
         return tuple(dict.fromkeys(item for item, over in zip(items, passed, strict=True) if not over))
 
     def _carried(self, item: m.ActorItem, info: ActorInfo, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
-        """Return a statement of the author or of a mutation about an actor, with times from the clip's beginning."""
+        """Return a statement of the author or of a mutation about an actor, with times that count from the clip's
+        beginning.
+        """
         match item:
             case m.Timing() | m.PassesInLane() | m.Style():
                 return (item,)
             case m.Line(start=None, duration=None):
-                return () if info.path or orders.line_m is not None else (item,)  # the points of a path contain it
+                # The points of the path in the trace contain it.
+                return () if info.path or orders.line_m is not None else (item,)
             case m.Steers() | m.Line() | m.Brakes():
                 return _left(item, self._now_s)
             case m.Delay():
-                if info.id in self._waiting:  # it begins when the actor is started
+                if info.id in self._waiting:  # the statement begins when the actor is started
                     return (item,)
                 left_s = si_of(item.time) - (self._now_s - (orders.started_s or 0.0))
                 return (m.Delay(time=_seconds(left_s)),) if left_s > 0 else ()
             case (
-                # Triggers may have changed it: see `_cruise` and `_rules`.
+                # Triggers may have changed these; `_cruise` and `_rules` write them.
                 m.CruiseSpeed()
                 | m.IgnoresRule()
                 | m.MeetsState()
-                # The trace has the actor's place, its speed and the rest of its route.
+                # The trace contains the actor's place, its speed and the rest of its route.
                 | m.Route()
                 | m.EdgeRoute()
                 | m.Path()
@@ -303,7 +311,7 @@ class _Beginning:
                 | m.StartAt()
                 | m.StartSpeed()
                 | m.GoalAt()
-                # Of the ego only; the recorded states are over.
+                # Only the ego has recorded states, and in this clip they are over.
                 | m.Recorded()
             ):
                 return ()
@@ -311,9 +319,9 @@ class _Beginning:
                 assert_never(item)
 
     def _resumed(self, k: int) -> m.When | None:
-        """Return a trigger that resumes at once an actor's unfinished stop or change of speed or lane.
+        """Return a trigger that at once resumes an actor's unfinished stop, change of speed or change of lane.
 
-        An order for which a sequence waits is resumed in that sequence.
+        An order that a sequence waits for is resumed in that sequence.
         """
         again: list[m.Action] = []
         name = self._trace.actors[k].id
@@ -324,7 +332,8 @@ class _Beginning:
                 left = self._triggers.rest_of(action, orders.speed.since_s)
                 again += [left] if left else []
         elif orders.cruise is not None and name in self._waiting:
-            again.append(m.ChangesSpeed(actor=name, to=orders.cruise))  # it moves, although it was not started yet
+            # The actor moves although no trigger has started it.
+            again.append(m.ChangesSpeed(actor=name, to=orders.cruise))
         sideways = None if (name, "sideways") in self._taken else orders.sideways
         if sideways is not None and isinstance(sideways.action, Resumed):
             left = self._triggers.rest_of(sideways.action, sideways.since_s)
@@ -358,23 +367,24 @@ def _kind(info: ActorInfo) -> Literal["vehicle", "bicycle", "pedestrian", "obsta
 
 def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State:
     info, row = trace.actors[actor], trace.states[frame, actor]
-    wheels = info.kind in VEHICLE_KINDS  # placed by the front; pedestrians and obstacles are placed by their middle
+    # The statement places an actor by its front; pedestrians and obstacles by their middle.
+    wheels = info.kind in VEHICLE_KINDS
     on_lanes = math.isnan(trace.along[frame, actor])
     acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
     heading = math.remainder(float(row[HEADING]), math.tau)
     return m.State(
         at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
         heading=_quantity(heading, "angle"),
-        speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed of the file
-        # A path-follower's acceleration has no effect, as its speed is prescribed. For a vehicle, SUMO continues from
-        # it.
+        speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` multiplies the speed that the file states
+        # A path-follower's acceleration has no effect, because its speed is prescribed. SUMO continues from that of a
+        # vehicle.
         acceleration=_unless_zero(acceleration, "acceleration") if wheels and on_lanes else None,
         steer=_unless_zero(steer, "angle") if actor == 0 else None,
     )
 
 
 def _left(item: _Timed, now_s: float) -> tuple[_Timed, ...]:
-    """Return the rest of a statement that holds for a time; empty if it is over."""
+    """Return the rest of a statement that holds for a limited time; empty if that time is over."""
     start_s = 0.0 if item.start is None else si_of(item.start)
     left = None
     if item.duration is not None:
@@ -390,7 +400,7 @@ def _left(item: _Timed, now_s: float) -> tuple[_Timed, ...]:
 
 
 def _seconds(value: float) -> m.Quantity:
-    """Return a time; two decimals hold every multiple of the step, 0.05 s, exactly."""
+    """Return a time as a quantity; two decimals are enough for each multiple of the step of 0.05 s."""
     return m.Quantity.of(value, "time", 2)
 
 

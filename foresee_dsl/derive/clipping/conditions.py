@@ -1,7 +1,8 @@
 """Rewrites a condition for a clip, which begins in the middle of a run.
 
-Times count from the clip's beginning, conditions about actors that have left get their final outcome, and a `for` that
-had begun says `since` when. That time is read from the run's record."""
+Times are counted from the clip's beginning, conditions about actors that have left get their final outcome, and a `for`
+whose condition already holds gets a `since` with the time from which it holds. That time is read from the run's record.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +23,13 @@ Rewritten = m.Condition | bool
 
 @dataclass(frozen=True)
 class ClipMoment:
-    """The beginning of a clip.
+    """The moment of a run at which a clip begins.
 
     Attributes:
         time_s: its time in the run.
         gone: actors that have left.
-        places: points of the places on routes, by their text, as routes begin elsewhere in the clip.
+        places: points of the places on routes, by their text; routes begin elsewhere in the clip, so the places are
+            written as points.
     """
 
     time_s: float
@@ -38,18 +40,19 @@ class ClipMoment:
 def rebased(
     condition: m.Condition, moment: ClipMoment, runs: Runs | None = None, *, held: bool | None = None
 ) -> Rewritten:
-    """Return a condition for the clip, which is true at the same frames as in the run.
+    """Return the condition for the clip; it is true at the same frames as the original condition in the run.
 
     Args:
         condition: as its author wrote it.
         moment: the clip's beginning.
-        runs: for each `for` whose condition holds, since when it does, by the index of the `for` among the condition's
-            `parts`. None for a condition that was not evaluated yet.
+        runs: for each `for` whose condition holds, the time from which it has held, by the index of the `for` among the
+            condition's `parts`. None for a condition that was not evaluated yet.
         held: for an `every` or `next`, whether the condition has to become false before the trigger fires again; None
             for a trigger that fires once. For a trigger that may fire again, the frames at which the condition is
             false, or has no outcome, are exact too.
     """
-    # When all parts of an `and` are first true, each `for` has a known beginning. Beside an `or`, one may be unknown.
+    # When all parts of an `and` are true for the first time, the beginning of each `for` is known. Beside an `or`, a
+    # beginning may be unknown.
     unsure = (part for part in parts(condition) if isinstance(part, m.Either | m.Not))
     again = held or (held is not None and any(isinstance(p, m.Sustained) for part in unsure for p in parts(part)))
     return _Rebase(moment, runs, again=again).part(condition, 0, positive=True)
@@ -60,7 +63,9 @@ class _Rebase:
         self._moment, self._runs, self._again = moment, runs, again
 
     def part(self, condition: m.Condition, number: int, *, positive: bool) -> Rewritten:
-        """Return a part of the condition for the clip; `positive`: it is under an even number of `not`."""
+        """Return a part of the condition for the clip; `positive`: whether the part is under an even number of
+        `not`.
+        """
         match condition:
             case m.Not():
                 inner = self.part(condition.condition, number + 1, positive=not positive)
@@ -76,9 +81,11 @@ class _Rebase:
             case m.Comparison() | m.Equals() | m.Predicate() | m.InJunction() | m.Within() | m.Shows():
                 return self._innermost(condition, positive=positive)
             case m.Ahead() | m.Behind() | m.SameLane() | m.InLane() | m.Sees() | m.InSight():
-                return self._innermost(condition, positive=positive)  # about the present moment: unchanged
+                # The condition is about the present moment, so it stays as it is.
+                return self._innermost(condition, positive=positive)
             case m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
-                return self._innermost(condition, positive=positive)  # about what happens at one frame: unchanged
+                # The condition is about what happens at one frame, so it stays as it is.
+                return self._innermost(condition, positive=positive)
             case _:
                 assert_never(condition)
 
@@ -89,8 +96,8 @@ class _Rebase:
             condition = condition if point is None else condition.model_copy(update={"of": point})
         if mentioned(condition) & self._moment.gone:
             if isinstance(condition, m.Predicate):
-                return condition.what == "arrived"  # an actor that has left has arrived, and touches nothing
-            return not positive  # it never has an outcome, so it never makes the whole condition true
+                return condition.what == "arrived"  # an actor that has left counts as arrived, and touches nothing
+            return not positive  # a part that never has an outcome never makes the whole condition true
         left = condition.left if isinstance(condition, m.Comparison) else None
         if isinstance(condition, m.Comparison) and isinstance(left, m.Measure) and left.what == "time":
             return self._time(condition)
@@ -111,17 +118,19 @@ class _Rebase:
             return fresh if condition.since is None else self._since(fresh, si_of(condition.since))
         run = self._runs.get(number)
         if run is None:
-            return fresh  # it does not hold at the clip's first frame, so the clip needs no `since`
+            return fresh  # the condition does not hold at the clip's first frame, so no `since` is needed
         left = _frames(si_of(condition.duration)) - _frames_since(run.since_s, self._moment.time_s)
         if inner is True and run.known:
             return at_least(left) if left > 0 else True
         return self._half_way(fresh, run, left, positive=positive)
 
     def _half_way(self, fresh: m.Sustained, run: HoldingTime, left: int, *, positive: bool) -> m.Condition:
-        """Return a `for` with `left` frames to go. `since` states when it began, and that it was false before.
+        """Return a `for` that must hold for `left` more frames. Its `since` states when it began, and that it was false
+        before.
 
         If it is unknown whether it was false before, `since` is still right where only a true outcome matters. Where
-        only a false outcome matters (under `not`), `since` may be left out."""
+        only a false outcome matters (under `not`), `since` may be left out.
+        """
         begun = self._since(fresh, run.since_s)
         held = run.since_s < self._moment.time_s - STEP_S / 2
         if run.known:
@@ -167,5 +176,5 @@ def _frames(time_s: float) -> int:
 
 
 def _frames_since(time_s: float, now_s: float) -> int:
-    """Return the number of frames from a time on and before now."""
+    """Return the number of frames from a time (included) to now (excluded)."""
     return math.floor((now_s - time_s) / STEP_S + 1e-6)

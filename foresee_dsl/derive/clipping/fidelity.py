@@ -1,4 +1,4 @@
-"""Measures the fidelity of a clip: compares the run of the unmutated clip with the window of its parent's run."""
+"""Measures the fidelity of a clip: how far the run of the unmutated clip is from the window of its parent's run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ local roads (0.29 m, Reid et al. 2019)."""
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far the actors of a clip's run were from their places in the parent's run.
+    """The distances of the actors in a clip's run from their places in the parent's run.
 
     Attributes:
         actors: by id, the largest distance over the compared frames, m; the ego comes first.
@@ -32,37 +32,40 @@ class Deviation:
 
     @property
     def ego_m(self) -> float:
-        """Largest deviation of the ego, m; it deviates because its driver starts anew at the clip's beginning."""
+        """Return the largest deviation of the ego, m.
+
+        It deviates because its driver starts anew at the clip's beginning.
+        """
         return next(iter(self.actors.values()), 0.0)
 
     @property
     def others_m(self) -> tuple[float, ...]:
-        """Largest deviation of each of the others, m."""
+        """Return the largest deviation of each other actor, m."""
         return tuple(self.actors.values())[1:]
 
     @property
     def largest_m(self) -> float:
-        """Largest deviation of all actors, m."""
+        """Return the largest deviation of all actors, m."""
         return max(self.actors.values(), default=0.0)
 
     @property
     def largest_others_m(self) -> float:
-        """Largest deviation of the actors without the ego, m."""
+        """Return the largest deviation of the actors without the ego, m."""
         return max(self.others_m, default=0.0)
 
     @property
     def median_others_m(self) -> float:
-        """Median of the others' largest deviations, m (0 if the ego is alone)."""
+        """Return the median of the other actors' largest deviations, m; 0 if the ego is alone."""
         return statistics.median(self.others_m) if self.others_m else 0.0
 
     @property
     def share_within(self) -> float:
-        """Share of all actors that stayed within 0.1 m."""
+        """Return the share of all actors that stayed within 0.1 m."""
         return share_within(tuple(self.actors.values()))
 
     @property
     def share_others_within(self) -> float:
-        """Share of the others that stayed within 0.1 m."""
+        """Return the share of the other actors that stayed within 0.1 m."""
         return share_within(self.others_m)
 
 
@@ -87,7 +90,7 @@ def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Contain
         ValueError: the window does not lie in the parent's run, or the child lacks an actor of it.
     """
     if not 0 <= start_frame < parent.frames:
-        raise ValueError(f"the parent's run has {parent.frames} frames, none is {start_frame}")
+        raise ValueError(f"the parent's run has {parent.frames} frames, so there is no frame {start_frame}")
     frames = min(parent.frames - start_frame, child.frames)
     columns = {info.id: k for k, info in enumerate(child.actors)}
     distances: dict[str, float] = {}
@@ -99,7 +102,7 @@ def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Contain
             raise ValueError(f"the clip's run has no actor {info.id!r}")
         here = child.states[:frames, columns[info.id], [X, Y]]
         distances[info.id] = _apart(here, there)
-    # An actor that the clip could not put into the world has no place: its distance is infinite.
+    # An actor that the clip could not place in the world has no position, so its distance is infinite.
     return Deviation({actor: math.inf if math.isnan(far) else far for actor, far in distances.items()}, frames)
 
 
@@ -113,15 +116,19 @@ def with_fidelity(clip: Clip, measured: Deviation) -> Clip:
 
 
 def _apart(here: NDArray[np.float64], there: NDArray[np.float64]) -> float:
-    """Return the largest distance between two tracks ([T, 2], m), NaN where the first is absent at the beginning."""
+    """Return the largest distance between two tracks, [T, 2] m; NaN if the actor is absent at the beginning of the
+    first.
+    """
     stays = [int(np.flatnonzero(~np.isnan(places[:, 0])).max(initial=-1)) + 1 for places in (here, there)]
-    # Rounding decides in which of two frames a vehicle leaves at the end of its route.
+    # A rounding error decides in which of two frames a vehicle leaves at the end of its route.
     last = min(stays) if max(stays) - min(stays) <= 1 else max(stays)
     return float(np.hypot(*(_held(here[:last]) - _held(there[:last])).T).max(initial=0.0 if last else np.nan))
 
 
 def _held(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Fill the frames at which an actor is absent with its last place ([T, 2]; it is present at the first frame)."""
+    """Return places, [T, 2], in which frames without the actor have its last place; at the first frame it must be
+    present.
+    """
     last_present = np.maximum.accumulate(np.where(np.isnan(places[:, 0]), 0, np.arange(len(places))))
     held: NDArray[np.float64] = places[last_present]
     return held

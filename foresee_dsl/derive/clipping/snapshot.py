@@ -1,4 +1,4 @@
-"""Reads one frame of a run: which actors are present, their places, and the rest of their routes."""
+"""Reads one frame of a run: the actors that are present, their places, and the rest of their routes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ def present(trace: Trace, frame: int) -> tuple[int, ...]:
 
 
 def front(trace: Trace, actor: int, frame: int) -> tuple[float, float]:
-    """Return the middle of an actor's front, m (the trace holds the middle of the footprint)."""
+    """Return the middle of an actor's front, m; the trace itself contains the middle of the footprint."""
     state, ahead = trace.states[frame, actor], trace.actors[actor].front_m
     return float(state[X] + ahead * math.cos(state[HEADING])), float(state[Y] + ahead * math.sin(state[HEADING]))
 
 
 def remaining_route(trace: Trace, actor: int, frame: int, current_route: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Return the edges that an actor has still to drive; the first is the edge that it is on.
+    """Return the edges that an actor still has to drive; the first is the edge that it is on.
 
     On a junction (or off the lanes) the first is the edge from which it came, as SUMO needs it. The ego's route begins
     as far back as possible without an edge occurring twice, as its line depends on where it came from. `current_route`:
-    the actor's present route, if it is not the one with which it began."""
+    the actor's present route, if it is not the one with which it began.
+    """
     route = current_route or trace.actors[actor].route
     at = 0
     for edge in edges_driven(trace, actor, frame):

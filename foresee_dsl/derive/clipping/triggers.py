@@ -1,4 +1,4 @@
-"""A clip's triggers: those of its parent that may still fire, and the rest of sequences that have begun.
+"""The triggers of a clip: those of its parent that may still fire, and the rest of sequences that have begun.
 
 The progress of the triggers, and their orders to each actor, are read from the run's record (`Trace.director`).
 """
@@ -23,7 +23,7 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
 
 PLACE_DIGITS = 4
-"""Decimals of places, m; as `derive.clipping.clip.DIGITS`."""
+"""Decimals of places, m; as many as `derive.clipping.clip.DIGITS`."""
 
 
 Resumed = (
@@ -82,8 +82,10 @@ class Triggers:
         return tuple(triggers)
 
     def under_way(self) -> tuple[tuple[m.When, ...], frozenset[tuple[str, str]]]:
-        """Return triggers that continue the sequences that have begun; and the orders that these triggers resume
-        themselves, as (actor, `speed`), (actor, `lane`) or (actor, `sideways`)."""
+        """Return triggers that continue the sequences that have begun, and the orders that these triggers resume.
+
+        Each order is given as (actor, `speed`), (actor, `lane`) or (actor, `sideways`).
+        """
         continuing: list[m.When] = []
         taken: set[tuple[str, str]] = set()
         for index, (when, state) in enumerate(zip(self.whens, self.states, strict=True)):
@@ -93,7 +95,8 @@ class Triggers:
             actions = rest.block(when.actions, state.sequence, ())
             while len(actions) == 1 and isinstance(only := actions[0], m.Then) and only.condition is None:
                 actions = only.actions
-            if any(isinstance(action, m.Then) for action in actions):  # without steps, the orders are resumed per actor
+            # Without further steps, the orders are resumed for each actor.
+            if any(isinstance(action, m.Then) for action in actions):
                 continuing.append(at_once(*actions))
                 taken |= rest.taken
         return tuple(continuing), frozenset(taken)
@@ -101,7 +104,7 @@ class Triggers:
     def held_back(self, whens: Iterable[m.When]) -> tuple[m.When, ...]:
         """Return a trigger that never fires, for the actors that none of `whens` will start.
 
-        It makes them wait, as an actor that no trigger starts moves off by itself.
+        It makes these actors wait: an actor that no trigger starts would move off by itself.
         """
         still = {*_starts(whens), *self.moment.gone}
         left = [name for name in _starts(self.whens) if name not in still and self.orders_of(name).started_s is None]
@@ -155,12 +158,14 @@ class Triggers:
         return (at_once(*last.values()),) if last else ()
 
     def placed(self, action: m.Action, *, now: bool = False) -> m.Action:
-        """Return an action with points for its places on routes, as routes begin elsewhere in the clip; `now`: it has
-        begun."""
+        """Return an action in which places on routes are written as points, because routes begin elsewhere in the clip.
+
+        `now`: whether the action has begun.
+        """
         points_of_fields: dict[str, m.Point] = {}
         current = self.orders_of(getattr(action, "actor", "")).speed
         if current is not None and type(current.action) is type(action) and now:
-            action = current.action  # it has points for places relative to actors
+            action = current.action  # it already has points for places relative to actors
         for field, value in fields_of(action):
             if isinstance(value, m.AlongRoute | m.PastJunction):
                 point = self.moment.places.get(text_of(value, frozenset()))
@@ -203,7 +208,7 @@ class Triggers:
         return left
 
     def _rest_of_way_back(self, action: m.Reverses, since_s: float) -> m.Reverses | None:
-        """Return the rest of reversing; None if the actor drives forwards again."""
+        """Return the rest of an order to reverse; None if the actor drives forwards again."""
         along = self.trace.along[self.trace.frame_at(since_s) : self.frame + 1, self.trace.index(action.actor)]
         began, now = bool((~np.isnan(along)).any()), float(along[-1])
         if not began:
@@ -214,7 +219,7 @@ class Triggers:
         return action.model_copy(update={"length": left}) if left.si > 0 else None
 
     def _until(self, action: _Timed, field: str, since_s: float, *, goes_on: bool) -> _Timed | None:
-        """Return an order with the rest of its time; `goes_on`: an order without a time lasts for ever."""
+        """Return an order with the rest of its time; `goes_on`: whether an order without a time lasts for ever."""
         length = getattr(action, field)
         if not isinstance(length, m.Quantity):
             return action if goes_on else None
@@ -222,7 +227,7 @@ class Triggers:
         return action.model_copy(update={field: seconds(left_s)}) if left_s > 1e-6 else None
 
     def _rest_of_stop(self, stop: m.Stops, since_s: float) -> m.Stops | None:
-        """Return the rest of a stop, None if it is over; its time counts from when the actor stands.
+        """Return the rest of a stop; None if it is over. Its time counts from when the actor stands.
 
         The recorded speeds show since when it stands.
         """
@@ -244,8 +249,9 @@ class Triggers:
         return placed.model_copy(update={"duration": seconds(left_s)}) if left_s > 1e-6 else None
 
     def still_to_change(self, actor: str, since_s: float) -> bool:
-        """Return whether an actor is still on the lane on which it got the order to change, so SUMO has not begun
-        it."""
+        """Return whether an actor is still on the lane on which it got the order to change, so that SUMO has not begun
+        the change.
+        """
         lanes = self.trace.lanes[self.trace.frame_at(since_s) : self.frame + 1, self.trace.index(actor)]
         return bool(lanes.size and lanes[0] >= 0 and (lanes == lanes[0]).all())
 
@@ -259,10 +265,12 @@ def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
     record, whens, now_s = trace.director, scenario.all(m.When), float(trace.time_s[frame])
     if record is None:
         raise ValueError(
-            "the trace does not say what its triggers did: it is of an earlier version; run the test case again"
+            "the trace has no record of its triggers, because an earlier version wrote it; run the test case again"
         )
     if len(record.triggers) != len(whens):
-        raise ValueError(f"the trace is of another scenario: {len(record.triggers)} triggers, here {len(whens)}")
+        raise ValueError(
+            f"the trace is of another scenario: it has {len(record.triggers)} triggers, this one has {len(whens)}"
+        )
     here = present(trace, frame)
     gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
     timed = (a.name for a in scenario.all(m.Actor) if any(isinstance(item, m.Timing) for item in a.body))
@@ -283,7 +291,7 @@ def at_once(*actions: m.Action) -> m.When:
 
 
 class _Rest:
-    """The rest of a trigger's sequence."""
+    """Builds the rest of a trigger's sequence."""
 
     def __init__(self, triggers: Triggers, index: int) -> None:
         self._triggers, self._index = triggers, index
@@ -291,7 +299,7 @@ class _Rest:
         record = triggers.trace.director or DirectorRecord()
         self._completes_after = record.completes_after
         again_s = record.fires_after(index, self._now_s)
-        # Steps of the sequence may begin only before the trigger fires again, as it then starts anew.
+        # When the trigger fires again, the sequence starts anew, so the remaining steps may begin only before that.
         self._until: m.Condition | bool = (
             m.Comparison(left=m.Measure(what="time"), op="<", right=seconds(again_s - self._now_s))
             if again_s is not None
@@ -309,7 +317,8 @@ class _Rest:
                 remaining += self._action(action, state.began_s, (*place, k))
             elif k in state.inner:
                 inner = self.block(action.actions, state.inner[k], (*place, k))
-                # Without further steps inside, the orders need no block: the next step waits for them either way.
+                # Without further steps inside, the orders need no block of their own: the next step waits for them
+                # either way.
                 follows = any(isinstance(step, m.Then) for step in inner)
                 remaining += [m.Then(actions=inner)] if follows else inner
             else:
@@ -327,7 +336,9 @@ class _Rest:
         return both(wanted, self._until)
 
     def _action(self, action: m.Action, since_s: float, place: Place) -> list[m.Action]:
-        """Return the rest of an incomplete action; if it cannot be stated, a wait for the time until its end."""
+        """Return the rest of an incomplete action; if the action cannot be stated in a clip, a wait for the time until
+        it ends.
+        """
         if isinstance(action, m.Wait):
             end_s = since_s + si_of(action.duration)
             return [m.Wait(duration=seconds(max(0.0, end_s - self._now_s)))]
@@ -335,13 +346,13 @@ class _Rest:
         if left is not None:
             self.taken.add((left.actor, _sets(left)))
             return [left]
-        # It continues without an order (a lane change or a crossing under way); the run gives the time of its end.
+        # The action continues without an order (a lane change or a crossing in progress); the run tells when it ends.
         completes_s = self._completes_after(self._index, place, self._now_s)
         after_run_s = float(self._triggers.trace.time_s[-1]) + STEP_S
         return [m.Wait(duration=seconds((after_run_s if completes_s is None else completes_s) - self._now_s))]
 
     def _order(self, action: m.Action, since_s: float) -> Resumed | m.Meets | m.ChangesLane | None:
-        """Return the order to give again in the clip; None if it cannot be repeated or is over."""
+        """Return the order to give again in the clip; None if the order cannot be repeated, or is over."""
         if isinstance(action, Resumed):
             return self._triggers.rest_of(action, since_s)
         match action:
@@ -366,14 +377,14 @@ class _Rest:
 
 
 def _sets(action: Resumed | m.Meets | m.ChangesLane) -> str:
-    """Return the kind of an order (`speed`, `lane` or `sideways`): the next order of that kind replaces it."""
+    """Return the kind of an order (`speed`, `lane` or `sideways`); the next order of the same kind replaces it."""
     if isinstance(action, m.ChangesLane):
         return "lane"
     return "sideways" if isinstance(action, m.ChangesLine | m.KeepsBeside) else "speed"
 
 
 def _then(condition: m.Condition | bool, inner: tuple[m.Action, ...]) -> m.Then:
-    """Return a step; without actions it gets a wait of 0 s, as later steps still wait for it."""
+    """Return a step. A step without actions gets a wait of 0 s, because later steps still wait for it."""
     wait = (m.Wait(duration=seconds(0.0)),)
     return m.Then(condition=None if isinstance(condition, bool) else condition, actions=inner or wait)
 

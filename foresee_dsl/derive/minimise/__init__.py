@@ -1,1 +1,1 @@
-"""Make a failing mutant as small as its failure allows: fewer changes and actors, smaller numbers, a shorter clip."""
+"""Makes a failing mutant as small as its failure allows: fewer changes and actors, smaller numbers, a shorter clip."""

@@ -1,5 +1,6 @@
-"""Finds the boundary of a failure along a change: the value nearest to the unmutated one that fails, and the next one
-that passes."""
+"""Finds the boundary of a failure along a change: the value nearest to the unmutated one that fails, and its neighbour
+that passes.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +25,19 @@ STEPS: Mapping[str, Decimal] = MappingProxyType(
         "line": Decimal(str(FOCUSED.line.step_m)),
     }
 )
-"""Step between the values of a property, as its operator draws them, in the property's unit."""
+"""Step between the values of each property, as its operator draws them, in the property's unit."""
 NEIGHBOURS = 3
-"""Number of larger values beside a boundary that must fail as well. Ours: a boundary whose next three hundredths fail
-did not come out by chance; more runs find few further ones."""
+"""Number of larger values next to a boundary that must fail as well. Ours: a boundary whose next three hundredths fail
+is not chance; more runs seldom find another region."""
 _STEP = Decimal("0.01")
-"""Step of all other properties. Ours: the second decimal, which generated files write."""
+"""Step of all other properties. Ours: generated files write two decimals."""
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """The values of a change from NOW (index 0) towards WAS (index `count`, which is not tried), in NOW's unit."""
+    """The values of a change from the mutated one (index 0) towards the unmutated one (index `count`, which is not
+    tried).
+    """
 
     change: m.Change
     was: Decimal
@@ -79,9 +82,11 @@ def nearest(trials: Trials, candidate: TrialCandidate, index: int, *, look_besid
 
 
 def stable_edge(high: int, fails: Callable[[int], bool]) -> int:
-    """Return the largest number, found by bisection, whose next smaller `NEIGHBOURS` numbers fail as it does; if there
-    is none, that with the most such neighbours. 0 fails, and `high` does not."""
-    edges: list[tuple[int, int]] = []  # number of failing neighbours and edge
+    """Return the largest number, found by bisection, whose `NEIGHBOURS` next smaller numbers fail as it does.
+
+    If there is none, return the number with the most such neighbours. 0 must fail, and `high` must not.
+    """
+    edges: list[tuple[int, int]] = []  # number of neighbours that fail, and the edge
     while True:
         low = _edge(0, high, fails)
         near = [fails(k) for k in range(low - 1, max(low - NEIGHBOURS, 0) - 1, -1)]
@@ -100,7 +105,7 @@ def _edge(low: int, high: int, fails: Callable[[int], bool]) -> int:
 
 
 def ask_for_passing(trials: Trials, candidate: TrialCandidate) -> None:
-    """If the value next to a boundary fails in another way, try values by bisection until one passes."""
+    """If the value next to a boundary fails in another way, run values by bisection until one passes."""
     for index, change in enumerate(candidate.changes):
         grid = _grid(change)
         if grid is None:
@@ -133,7 +138,7 @@ def _boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) 
         worst = failing[0] if failing else now
         passing = [value for value in nearer if not runs[value].failed and abs(value - was) < abs(worst - was)]
         if not passing and len(reduced.changes) > 1:
-            continue  # without this change the others may fail in another way
+            continue  # without this change, the others may fail in another way
         offset = _offset(trials, reduced, index, grid)
         first = _grid(as_mutated)
         yield Boundary(
@@ -150,8 +155,10 @@ def _boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) 
 
 
 def _runs_of(trials: Trials, reduced: TrialCandidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
-    """Yield the values of one change that were run; those of the candidate's own clip come last and so replace
-    others."""
+    """Yield the values of one change that were run.
+
+    Those of the candidate's own clip come last, so that they replace others.
+    """
     own, change = [], reduced.changes[index]
     for candidate, trial in trials.finished():
         there = next((c for c in candidate.changes if _same_place(c, change)), None)
@@ -175,7 +182,9 @@ def _summary(value: float, trial: Trial) -> ValueTrial:
 
 
 def _offset(trials: Trials, candidate: TrialCandidate, index: int, grid: _Grid) -> float:
-    """Return the difference of the value in a clip that begins later, as its actor has moved on by then."""
+    """Return by how much the actor's value is larger in a clip that begins later, because the actor has moved on by
+    then.
+    """
     built = trials.trial(candidate).built
     own = _grid(built.mutant.changes[index]) if built is not None else None
     return float(own.now - grid.now) if own is not None else 0.0

@@ -1,4 +1,6 @@
-"""A smaller version of a failing mutant: its remaining seconds, actors and changes, and the clip and mutant of it."""
+"""A smaller version of a failing mutant: its remaining seconds, actors and changes, and the clip and mutant built from
+it.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ from foresee_dsl.simulate.trace import STEP_S, Trace
 
 @dataclass(frozen=True)
 class TrialCandidate:
-    """A version of the mutant.
+    """A version of the mutant, described by what remains of it.
 
     Attributes:
         first, last: first and last frame of its clip in the parent's run.
@@ -56,24 +58,26 @@ class Subject:
 
     @property
     def whole(self) -> TrialCandidate:
-        """The unreduced mutant."""
+        """Return the unreduced mutant as a candidate."""
         window = next(item for item in self.clip.body if isinstance(item, m.Window))
         first, last = (round(_si(value) / STEP_S) for value in (window.start, window.end))
         return TrialCandidate(first, last, self.mutant.changes)
 
     @property
     def actors(self) -> tuple[str, ...]:
-        """Names of all actors of the clip except the ego."""
+        """Return the names of all actors of the clip except the ego."""
         return tuple(item.name for item in self.clip.body if isinstance(item, m.Actor))
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Ids of the junctions whose signals the clip states."""
+        """Return the ids of the junctions whose signals the clip states."""
         return tuple(str(item.junction) for item in self.clip.body if isinstance(item, m.SignalState))
 
     @cached_property
     def cut_again(self) -> bool:
-        """Whether the clip can be cut again from the parent's run; only then can a clip begin or end at other times."""
+        """Return whether the clip can be cut again from the parent's run; only then can it begin or end at
+        other times.
+        """
         whole = self.whole
         try:
             again = self._cut(whole.first, whole.last)
@@ -91,7 +95,7 @@ class Subject:
         if (first, last) == (whole.first, whole.last):
             return self.clip
         if not self.cut_again:
-            raise ValueError("the run that the clip was cut from is not known")
+            raise ValueError("the run from which the clip was cut is not available")
         return self._cut(first, last)
 
     def _cut(self, first: int, last: int) -> m.Clip:
@@ -111,7 +115,7 @@ class Subject:
             parent=self.clip.parent,
             handover_s=self._handover_s,
         )
-        # The risk line as written; it names its actor only if the clip has that actor.
+        # The risk line stays as it is written; it names its actor only if the clip still contains that actor.
         gone = any(isinstance(item, m.Risk) and item.actor is None for item in model.body)
         again = () if risk is None else (risk.model_copy(update={"actor": None}) if gone else risk,)
         body = (new for item in model.body for new in (again if isinstance(item, m.Risk) else (item,)))
@@ -153,7 +157,7 @@ def build(subject: Subject, candidate: TrialCandidate) -> BuiltCandidate:
 
 
 def _left(body: Iterable[m.ClipItem], candidate: TrialCandidate) -> Iterable[m.ClipItem]:
-    """Yield the statements of a clip without the actors, signals and triggers that are left out."""
+    """Yield the statements of a clip that remain without the actors, signals and triggers that are left out."""
     gone, number = candidate.actors, -1
     for item in body:
         match item:
@@ -172,7 +176,7 @@ def _left(body: Iterable[m.ClipItem], candidate: TrialCandidate) -> Iterable[m.C
             case m.Risk():
                 yield item.model_copy(update={"actor": None, "operator": None}) if item.actor in gone else item
             case m.Fidelity():
-                pass  # measured anew
+                pass  # measured again for the smaller clip
             case _:
                 yield item
 
@@ -190,7 +194,7 @@ def _actions_left(actions: tuple[m.Action, ...], gone: frozenset[str]) -> tuple[
     for action in actions:
         if isinstance(action, m.Then):
             if action.condition is not None and mentioned(action.condition) & gone:
-                break  # this step and those after it never happen
+                break  # this step and those after it can never begin
             remaining.append(action.model_copy(update={"actions": _actions_left(action.actions, gone) or _NOTHING}))
         elif not {getattr(action, "actor", None), getattr(action, "other", None)} & gone:
             remaining.append(action)
@@ -201,8 +205,9 @@ _NOTHING = (m.Wait(duration=m.Quantity.of(0.0, "time", 2)),)
 
 
 def _moved(change: m.Change, before: m.Clip, after: m.Clip, later_s: float) -> m.Change:
-    """Return a change for a clip that begins later: at the same time of the run, from the actor's value at that
-    time."""
+    """Return a change for a clip that begins later: at the same time of the run, and from the actor's value at that
+    time.
+    """
     if isinstance(change.start, m.Quantity) and later_s:
         start = m.Quantity.of(max(0.0, change.start.si - later_s), "time", 2)
         change = change.model_copy(update={"start": start})
@@ -224,5 +229,5 @@ def _present(clip: m.Clip, change: m.Change) -> object:
 
 def _si(value: object) -> float:
     if not isinstance(value, m.Quantity):
-        raise TypeError("a clip has no parameters")
+        raise TypeError("a clip must have no parameters")
     return value.si

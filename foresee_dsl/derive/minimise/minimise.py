@@ -1,4 +1,4 @@
-"""Minimises a mutant: reduces it, then writes into it what was left out and where its numbers begin to fail."""
+"""Minimises a mutant, and writes into its file what was left out and where its numbers begin to fail."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.simulate.trace import STEP_S
 
 RUNS = 60
-"""Largest number of runs per mutant. Ours: nearly always enough for the findings of the bundled library."""
+"""Maximum number of runs for each mutant. Ours: nearly always enough for the findings of the bundled library."""
 
 
 class CannotMinimiseError(ForeseeError):
-    """The mutant does not fail, so there is no failure to keep."""
+    """Raised if the mutant does not fail, so that there is no failure to keep."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Minimal:
     """A minimised mutant and its clip.
 
     Attributes:
-        clip, mutant: both have the names of the unreduced files.
-        dropped: counts of what was left out. boundaries: one for each remaining number.
+        clip, mutant: the reduced ones, with the names of the unreduced files. dropped: counts of what was left out.
+        boundaries: one boundary for each remaining number.
         runs: number of runs. complete: whether the budget was enough.
         cut_again: whether the parent's run was available, so that the clip could be shortened.
     """
@@ -50,7 +50,7 @@ def minimise(subject: Subject, judge: TrialJudge, *, limit_m: float, budget: int
 
     Args:
         limit_m: largest deviation of the smaller clip's unmutated run, which must pass, from the parent's run.
-        budget: largest number of runs. With a smaller one, less is left out.
+        budget: maximum number of runs. With a smaller budget, less is left out.
 
     Raises:
         CannotMinimiseError: the mutant does not fail.
@@ -64,7 +64,7 @@ def minimise(subject: Subject, judge: TrialJudge, *, limit_m: float, budget: int
     if built is None:
         raise RuntimeError("a candidate that failed was never built")
     edges, dropped = boundaries(trials, whole, reduced), _dropped(subject, whole, reduced, built.clip)
-    trials.stands(reduced)  # measures the fidelity also of a clip that was not reduced
+    trials.stands(reduced)  # measures the fidelity of a clip, even if the clip was not reduced
     strays = trials.fidelity(reduced)
     clip = subject.clip if built.clip_case.meaning == _clip_meaning(trials, whole) else built.clip
     if strays is not None and subject.cut_again:
@@ -102,7 +102,7 @@ def _triggers(clip: m.Clip) -> int:
 
 
 def _with_origin(mutant: m.Mutant, clip: m.Clip, dropped: Dropped, edges: tuple[Boundary, ...]) -> m.Mutant:
-    """Return the mutant with an origin that says what was left out and where the boundaries lie."""
+    """Return the mutant with an origin that states what was left out and where the boundaries are."""
     parts = [f"without {dropped.text}"] if dropped.text else []
     parts += [edge.sentence for edge in edges]
     origin = mutant.origin or m.Origin()

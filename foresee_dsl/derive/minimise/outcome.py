@@ -1,4 +1,4 @@
-"""Results of minimising: what was left out, and where a number begins to fail."""
+"""Results of minimising: what was left out, and from which value a number begins to fail."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from foresee_dsl.documents import every_field
 
 @dataclass(frozen=True)
 class Dropped:
-    """Numbers of changes, actors, signals and triggers that were left out. `seconds`: how much shorter the clip is."""
+    """Numbers of the changes, actors, signals and triggers that were left out.
+
+    `seconds`: by how much the clip was shortened.
+    """
 
     changes: int = 0
     actors: int = 0
@@ -20,7 +23,7 @@ class Dropped:
 
     @property
     def text(self) -> str:
-        """The counts in words: `1 change, 11 actors, 4.20 s`; "" if nothing was left out."""
+        """Return the counts in words, such as `1 change, 11 actors, 4.20 s`; "" if nothing was left out."""
         counts = ((getattr(self, f"{word}s"), word) for word in ("change", "actor", "signal", "trigger"))
         parts = [f"{count} {word}{'' if count == 1 else 's'}" for count, word in counts if count]
         return ", ".join((*parts, *((f"{self.seconds:.2f} s",) if self.seconds else ())))
@@ -31,7 +34,10 @@ Ended = Literal["fails", "passes", "otherwise"]
 
 @dataclass(frozen=True)
 class ValueTrial:
-    """The run of one value. `ended`: with the same failure, without one, or with another. `reason`: why, in words."""
+    """The run of one value.
+
+    `ended`: with the same failure, without a failure, or with another one. `reason`: how it ended, in words.
+    """
 
     value: float
     ended: Ended
@@ -40,7 +46,7 @@ class ValueTrial:
 
 @dataclass(frozen=True)
 class Boundary:
-    """Where one change begins to fail while the others stay as they are.
+    """The value from which one change fails, while the other changes stay as they are.
 
     Attributes:
         change: actor and property, such as `runner.timing`. unit: unit of the values, "" for a ratio.
@@ -68,12 +74,12 @@ class Boundary:
 
     @property
     def sharp(self) -> bool:
-        """Whether the two values are one step apart."""
+        """Return whether the two values are one step apart."""
         return abs(self.also_fails - self.passes) < 1.5 * self.step
 
     @property
     def sentence(self) -> str:
-        """The boundary in words: `runner.timing fails at 1.12, passes at 1.11`."""
+        """Return the boundary in words, such as `runner.timing fails at 1.12, passes at 1.11`."""
         other = ""
         if self.also_fails != self.fails:
             same = any(run.value == self.also_fails and run.ended == "fails" for run in self.tried)
@@ -83,11 +89,11 @@ class Boundary:
                 else (f" (in another way from {self.text(self.also_fails)} on)")
             )
         text = f"{self.change} fails at {self.text(self.fails)}{other}, passes at {self.text(self.passes)}"
-        return f"{text}; the failing region is broken: {self._pass_again}" if self.broken else text
+        return f"{text}; the failing region has gaps: {self._pass_again}" if self.broken else text
 
     @property
     def broken(self) -> bool:
-        """Whether a value that is farther from `was` than a failing one passes."""
+        """Return whether a value passes although a value nearer to `was` fails."""
         return bool(self._gaps)
 
     @property
@@ -97,11 +103,11 @@ class Boundary:
 
     @property
     def _pass_again(self) -> str:
-        """Which larger changes pass again, in words."""
+        """Return, in words, which larger changes pass again."""
         gaps = self._gaps
         first, last = self.text(gaps[0]), self.text(gaps[-1])
         return f"{first} passes again" if len(gaps) == 1 else f"values from {first} to {last} pass again"
 
     def text(self, value: float) -> str:
-        """Return a value as files write it."""
+        """Return a value as files write it, with its unit."""
         return f"{value:.2f}{f' {self.unit}' if self.unit else ''}"

@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 BEFORE_S = 2.0
 """Shortest time from the clip's beginning to the contact, s. Ours: a second in which the driver drives (`DRIVES_S`),
-and one more that shows a viewer where the actors come from."""
+and another second in which a viewer sees where the actors come from."""
 AFTER_S = 1.0
 """Shortest time from the contact to the clip's end, s. Ours: a failing run ends with the contact; a passing one needs
 this time to pass."""
@@ -31,8 +31,8 @@ _STARTS_EVERY_S = 0.5
 """Time between the beginnings that are tried, s. Ours: ten in the 5 s before a risky point, so bisection needs four
 runs."""
 _RESERVE = 31
-"""Runs that are reserved for the reductions after that of the actors. Ours: 7 for a number, 3 for its neighbours, 12 to
-shorten, 4 for signals and triggers, 5 for the boundary."""
+"""Number of runs that are kept for the reductions after that of the actors. Ours: 7 for a number, 3 for its neighbours,
+12 to shorten, 4 for signals and triggers, 5 for the boundary."""
 
 
 def reduce(trials: Trials, whole: TrialCandidate) -> TrialCandidate:
@@ -52,7 +52,9 @@ def reduce(trials: Trials, whole: TrialCandidate) -> TrialCandidate:
 
 
 def without_changes(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
-    """Leave out each change that the failure does not need, the last first, until all remaining ones are needed."""
+    """Leave out each change that the failure does not need, beginning with the last one, until all remaining changes
+    are needed.
+    """
     again = len(candidate.changes) > 1
     while again:
         again = False
@@ -65,7 +67,9 @@ def without_changes(trials: Trials, candidate: TrialCandidate) -> TrialCandidate
 
 
 def without_bystanders(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
-    """Leave out actors that the failure does not need, the farthest first: all together, then halves, then singly."""
+    """Leave out actors that the failure does not need, the farthest first: first all together, then halves, then one by
+    one.
+    """
     trial = trials.trial(candidate)
     if trial.result is None:
         return candidate
@@ -91,8 +95,9 @@ def without_triggers(trials: Trials, candidate: TrialCandidate) -> TrialCandidat
 
 
 def nearer(trials: Trials, candidate: TrialCandidate, *, look_beside: bool = False) -> TrialCandidate:
-    """Reduce every number to the value nearest to `was` that still fails, one change after the other (see
-    `nearest`)."""
+    """Change every number to the value nearest to `was` that still fails, one change after the other (see
+    `nearest`).
+    """
     for index in range(len(candidate.changes)):
         candidate = nearest(trials, candidate, index, look_beside=look_beside)
     return candidate
@@ -125,8 +130,11 @@ def shorter(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
 
 
 def drop_most(items: Sequence[T], holds: Callable[[frozenset[T]], bool]) -> frozenset[T]:
-    """Return as many of some items as can be dropped together: all, else parts of half the size each round (Zeller's
-    delta debugging, with the parts in the order of the items)."""
+    """Return as many of some items as can be dropped together.
+
+    First all are dropped, then parts of half the size each round (Zeller's delta debugging, with the parts in the order
+    of the items).
+    """
     gone: frozenset[T] = frozenset()
     left, size = list(items), len(items)
     while size and left:
@@ -143,8 +151,7 @@ def drop_most(items: Sequence[T], holds: Callable[[frozenset[T]], bool]) -> froz
 
 
 def _last_that_holds(largest: int, holds: Callable[[int], bool]) -> int:
-    """Return, by bisection, a number that holds while the next one does not; `largest` if that holds. 0 always
-    holds."""
+    """Return, by bisection, a number that holds while the next one does not; `largest` if that holds. 0 must hold."""
     if holds(largest):
         return largest
     low, high = 0, largest
@@ -155,7 +162,7 @@ def _last_that_holds(largest: int, holds: Callable[[int], bool]) -> int:
 
 
 def _far_first(trace: Trace, names: Collection[str]) -> list[str]:
-    """Return actors by their smallest distance to the ego, the farthest first; equal ones by name."""
+    """Return actors by their smallest distance to the ego, the farthest first; actors with equal distances by name."""
     ego = trace.states[:, 0, [X, Y]]
     columns = {info.id: k for k, info in enumerate(trace.actors)}
 

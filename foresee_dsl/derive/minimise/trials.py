@@ -1,4 +1,4 @@
-"""Runs candidates and tests whether each shows the same failure; each runs once, within a budget of runs."""
+"""Runs candidates and tests whether each shows the same failure. Each candidate runs once, within a budget of runs."""
 
 from __future__ import annotations
 
@@ -35,8 +35,10 @@ class TrialJudge:
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate's run. `same`: whether it shows the same failure. `built`: None if the candidate is not a valid test
-    case."""
+    """The result of a candidate's run.
+
+    `same`: whether it shows the same failure. `built`: the candidate's test cases; None if it is not valid.
+    """
 
     same: bool
     verdict: Verdict | None
@@ -46,16 +48,16 @@ class Trial:
 
     @property
     def failed(self) -> bool:
-        """Whether the run shows any failure."""
+        """Return whether the run shows any failure."""
         return self.verdict is not None and self.verdict.is_failure
 
 
 class BudgetSpentError(Exception):
-    """No run is left."""
+    """Raised if no run is left in the budget."""
 
 
 class Trials:
-    """Runs candidates of one mutant."""
+    """The runs of the candidates of one mutant, within the budget."""
 
     def __init__(self, subject: Subject, judge: TrialJudge, *, limit_m: float, budget: int) -> None:
         """Prepare the runs; nothing runs yet.
@@ -66,7 +68,7 @@ class Trials:
         """
         self.subject, self.runs, self.reserve = subject, 0, 0
         self.spent = False
-        """Whether a run was skipped because the budget was spent."""
+        """Whether a run was skipped because the budget was used up."""
         self._judge, self._limit_m, self._budget = judge, limit_m, budget
         self._trials: dict[TrialCandidate, Trial] = {}
         self._clips: dict[str, Deviation | None] = {}
@@ -77,11 +79,11 @@ class Trials:
 
     @property
     def left(self) -> int:
-        """Number of runs left."""
+        """Return the number of runs that are left."""
         return self._budget - self.runs
 
     def first(self, candidate: TrialCandidate) -> Trial:
-        """Run the unreduced mutant; its failure is the one that must stay."""
+        """Run the unreduced mutant; its failure is the one that all smaller versions must show."""
         trial = self.trial(candidate)
         if trial.built is not None and trial.result is not None and trial.result.verdict.is_failure:
             self._wanted = self._judge.sign(trial.built.case, trial.result)
@@ -169,7 +171,7 @@ class Trials:
         return strays is not None and strays.largest_m <= self._limit_m
 
     def _strays(self, built: BuiltCandidate, candidate: TrialCandidate) -> Deviation | None:
-        """Return the deviation of the unmutated clip; None if it does not pass."""
+        """Return the deviation of the unmutated clip from its parent's run; None if the clip does not pass."""
         there = self._reference()
         trace = self._passed(built)
         if there is None or trace is None:
@@ -180,7 +182,9 @@ class Trials:
         return deviation(there, first, trace, without=gone)
 
     def _reference(self) -> Trace | None:
-        """Return the run with which clips are compared: the parent's, or for an edited clip its own unmutated run."""
+        """Return the run with which clips are compared: the parent's; for a clip that was edited, its own unmutated
+        run.
+        """
         if self.subject.cut_again:
             return self.subject.trace
         if not self._own:

@@ -24,8 +24,8 @@ from foresee_dsl.simulate.trace import Trace
 __all__ = ["OPERATORS", "Operator", "Situation", "operators", "predicted_gap_m"]
 
 OPERATORS = PluginGroup("foresee_dsl.operators", "operator", ForeseeError)
-"""A package adds its own with `[project.entry-points."foresee_dsl.operators"]` and `mine = "package.module:MINE"`,
-an object with a `name` and `changes`."""
+"""The operators of other packages. A package adds its own with `[project.entry-points."foresee_dsl.operators"]` and
+`mine = "package.module:MINE"`, an object with a `name` and `changes`."""
 
 _OURS: tuple[BuiltIn, ...] = (
     ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift(), StyleChange(), HeavyWeather()
@@ -34,26 +34,29 @@ _BY_PROPERTY = {operator.property: operator for operator in _OURS}
 
 
 def operators() -> dict[str, Operator]:
-    """Return all operators by name, ours and those of installed packages; of two with one name, ours."""
+    """Return all operators by name, ours and those of installed packages; ours, if two have the same name."""
     return {**_added(tuple(sys.path)), **{o.name: o for o in _OURS}}
 
 
 @lru_cache(maxsize=8)
 def _added(path: tuple[str, ...]) -> dict[str, Operator]:  # noqa: ARG001  (the cache's key)
-    """Return the operators of installed packages; cached, as a look-up takes 5 ms and a worker mutates many clips."""
+    """Return the operators of installed packages; cached, because a look-up takes 5 ms and a worker mutates
+    many clips.
+    """
     return {name: OPERATORS.load(name) for name in OPERATORS.names()}
 
 
 def predicted_gap_m(
     trace: Trace, actor: int, changes: Iterable[Change], models: Mapping[str, ModelSpec]
 ) -> tuple[float, float]:
-    """Return the smallest distances of a changed actor to the recorded ego, m: of footprints, and of centres.
+    """Return the smallest distances of a changed actor to the recorded ego, m: between footprints, and between centres.
 
     This is the roll-out: each operator changes the actor's recorded track as the simulation would, without the ego's
     reaction. The result tells which of many draws are worth a simulation, not how they end.
 
     `trace`: the clip's unmutated run. `actor`: the actor's column. Changes of properties that our operators do not
-    change are ignored."""
+    change are ignored.
+    """
     boxes = footprints(trace, actor)
     for change in changes:
         if change.property in _BY_PROPERTY:

@@ -21,14 +21,15 @@ from foresee_dsl.simulate.trace import SPEED, Trace
 LEAST_GAP_M = 0.5
 """Smallest gap to a neighbour on the lane after a swap, m. Ours: SUMO's queues keep 2.5 m, real ones 1 m."""
 SAME_WAY_RAD = math.radians(45)
-"""Largest angle between two vehicles that count as following each other. Ours: with more, their lanes cross."""
+"""Two vehicles whose headings differ by at most this may follow each other, rad. Ours: with more, their lanes cross."""
 
 
 class ModelSwap(BuiltIn):
-    """Another model of the same class, checked to fit.
+    """Replaces an actor's model by another one of the same class that fits in its place.
 
     The paper also lets a bicycle become a pedestrian. Here it cannot: SUMO applies other rules to pedestrians, so the
-    child would differ in more than the model."""
+    child would differ in more than the model.
+    """
 
     name, property = "model_swap", "model"
 
@@ -48,7 +49,7 @@ class ModelSwap(BuiltIn):
     def tracks(self, boxes: FloatArray, specs: Sequence[ModelSpec], now: ModelSpec) -> FloatArray:
         """Return an actor's track with each of N other models: [N, T, 5] footprints.
 
-        A swap keeps the ratio of the actor's cruise speed to its model's, so the actor drives faster or slower.
+        A swap keeps the ratio of the actor's cruise speed to that of its model, so the actor drives faster or slower.
         """
         paces = np.array([s.cruise_mps / now.cruise_mps if s.cruise_mps and now.cruise_mps else 1.0 for s in specs])
         paced = retimed(boxes, factor=paces)
@@ -59,13 +60,14 @@ class ModelSwap(BuiltIn):
         return _with_model(boxes, run.models[str(change.now)])
 
     def letter_target(self, situation: Situation) -> str:
-        """Return the closest of the close actors whose closest frame lies inside the window; "" for none."""
+        """Return the closest of the near actors whose closest frame lies inside the window; "" for none."""
         settings = ForeseeSettings()
         best = {actor: int(gaps.argmin()) for actor, gaps in situation.gaps.items()}
         relevant = [
             actor
             for actor, frame in best.items()
-            if 0 < frame < situation.trace.frames - 1  # at an edge of the window, its closest frame lies outside
+            # A minimum at an edge of the window means that the closest frame lies outside.
+            if 0 < frame < situation.trace.frames - 1
             and situation.gaps[actor][frame] <= settings.radius_m(situation.kind(actor))
             and situation.kind(actor) != "obstacle"
         ]

@@ -1,4 +1,6 @@
-"""Our operators (timing, delay, head start, line, style), which are not the paper's; and its heavy weather (RQ5)."""
+"""Our operators (timing, delay, head start, line, style), which the paper does not have; and the paper's heavy
+weather (RQ5).
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,7 @@ class _Added(Shift):
     """An operator whose roll-out depends on the difference between the property's new and old value."""
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return the track with that difference applied."""
+        """Return the track with the difference between the new and the old value applied."""
         rolled: FloatArray = self.tracks(boxes, np.array([added_si(change)]), run)[0]
         return rolled
 
@@ -63,12 +65,12 @@ class TimingShift(Shift):
         return multiples(settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
 
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
-        """Follow the recorded track faster or slower."""
+        """Return the recorded track, followed faster or slower."""
         del run
         return retimed(boxes, factor=values)
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Follow the recorded track faster or slower."""
+        """Return the recorded track, followed faster or slower."""
         if not isinstance(change.now, Quantity):
             return boxes
         rolled: FloatArray = self.tracks(boxes, np.array([change.now.si]), run)[0]
@@ -78,7 +80,7 @@ class TimingShift(Shift):
 class DelayShift(_Added):
     """Makes a path-follower stand longer, or less long, before it moves.
 
-    Only for actors that can stop at once: pedestrians, and cyclists that stand at the clip's beginning.
+    It is only for actors that can stop at once: pedestrians, and cyclists that stand at the clip's beginning.
     """
 
     name = property = "delay"
@@ -93,7 +95,7 @@ class DelayShift(_Added):
         return [was.si + shift for shift in shifts]
 
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
-        """Follow the recorded track later."""
+        """Return the recorded track, followed later."""
         del run
         return retimed(boxes, delay_s=values)
 
@@ -101,7 +103,8 @@ class DelayShift(_Added):
 class HeadStart(_Added):
     """Puts a moving path-follower further along its path at the beginning, as if it had started earlier.
 
-    It begins at a place where it was a little later in the unmutated run, so never beyond a place where it waits.
+    The actor begins at a place where it was a little later in the unmutated run, so never beyond a place where it
+    waits.
     """
 
     name, property = "head_start", "moving"
@@ -113,12 +116,12 @@ class HeadStart(_Added):
         if was is None or not moves or not _moves_on_path(situation, target, preset):
             return ()
         places, settings = situation.head_starts, preset.head_start
-        if (target, settings) not in places:  # no draw changes them
+        if (target, settings) not in places:  # a view that is shared by all draws, which do not change it
             places[target, settings] = tuple(self._places(situation, target, was.si, settings))
         return places[target, settings]
 
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
-        """Begin further along the recorded track."""
+        """Return the recorded track, begun further along."""
         del run
         return retimed(boxes, ahead_m=values)
 
@@ -144,7 +147,7 @@ class HeadStart(_Added):
 class LineShift(_Added):
     """Moves a path-follower or a bicycle to a line beside its own.
 
-    Not for cars and larger vehicles: they fill their lanes to a hand's breadth, and `steer` takes them out of the lane.
+    It is not for cars and larger vehicles, which nearly fill their lanes; `steer` takes them out of the lane.
     """
 
     name = property = "line"
@@ -161,7 +164,9 @@ class LineShift(_Added):
         return [was.si + shift for shift in shifts]
 
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
-        """Move the track sideways as the simulation does: on a path over some metres, on a lane at a rate."""
+        """Return the track, moved sideways as the simulation does it: on a path over some metres, on a lane at a fixed
+        rate.
+        """
         left_m, speed = values[:, None], np.nan_to_num(run.trace.states[:, run.actor, SPEED])
         if run.trace.actors[run.actor].path:
             share = np.cumsum(speed) * STEP_S / LINE_OVER_M
@@ -217,7 +222,8 @@ _NO, _ONCE = np.zeros(1), np.ones(1)
 def retimed(
     boxes: FloatArray, *, factor: FloatArray = _ONCE, delay_s: FloatArray = _NO, ahead_m: FloatArray = _NO
 ) -> FloatArray:
-    """Return a track followed `factor` times as fast, `delay_s` later and `ahead_m` further on; straight on at its end.
+    """Return a track that is followed `factor` times as fast, `delay_s` later and `ahead_m` further on; it continues
+    straight at its end.
 
     One of the arguments has N values, one per change; the result is [N, T, 5].
     """
@@ -240,7 +246,7 @@ def _along(track: FloatArray) -> FloatArray:
 def _at(track: FloatArray, along: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return the footprints at lengths along a track: `wanted` is [N, T], m; the result [N, T, 5]."""
     track[:, 2] = np.unwrap(track[:, 2])
-    # np.interp needs increasing places: a little is added at each step, as an actor that stands repeats its place.
+    # np.interp needs increasing places. An actor that stands repeats its place, so a little is added at each step.
     marks = along + np.arange(len(along)) * 1e-9
     beyond = np.maximum(wanted - along[-1], 0.0)
     changed = np.stack([np.interp(wanted, marks, column) for column in track.T], axis=2)
@@ -250,12 +256,12 @@ def _at(track: FloatArray, along: FloatArray, wanted: FloatArray) -> FloatArray:
 
 
 HEAVY: Mapping[str, float] = MappingProxyType({"rain": 1.0, "fog": 0.5, "wetness": 1.0})
-"""The paper names high fog density, wetness and precipitation, and a sun at 45 degrees, which does not dazzle. Ours:
-the largest rain and wetness, and fog with a visibility of 100 m."""
+"""The values of heavy weather. The paper names high fog density, wetness and precipitation, and a sun at 45 degrees,
+which does not dazzle. Ours: the largest rain and wetness, and fog with a visibility of 100 m."""
 
 
 class HeavyWeather(BuiltIn):
-    """Sets the largest rain and wetness, and fog; there is no random choice."""
+    """Sets the largest rain and wetness, and fog; nothing is drawn at random."""
 
     name, property = "heavy_weather", "weather"
 

@@ -1,4 +1,4 @@
-"""The interface of a mutation operator, and the situation from which it draws changes."""
+"""The interface of a mutation operator, and the situation for which an operator draws changes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace,
 
 @dataclass(frozen=True)
 class Situation:
-    """The input of an operator: a clip, its unmutated run and its risky point.
+    """The situation that an operator changes: a clip, its unmutated run and its risky point.
 
     Attributes:
         trace: the clip's own run; frame 0 is the clip's beginning. frame: the frame of the risky point.
@@ -46,31 +46,33 @@ class Situation:
 
     @cached_property
     def actors(self) -> dict[str, Actor]:
-        """The clip's actors, by id."""
+        """Return the clip's actors, by id."""
         return {item.name: item for item in self.clip.body if isinstance(item, Actor)}
 
     @cached_property
     def columns(self) -> dict[str, int]:
-        """The columns of the clip's actors in the trace, in the trace's order."""
+        """Return the columns of the clip's actors in the trace, in the trace's order."""
         return {info.id: k for k, info in enumerate(self.trace.actors) if info.id in self.actors}
 
     @cached_property
     def gaps(self) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-        """Distances between the footprints of the ego and the clip's actors over the whole run, m."""
+        """Return the distances between the footprints of the ego and the clip's actors over the whole run, m."""
         return {actor: distances_to_ego(self.trace, k) for actor, k in self.columns.items()}
 
     @cached_property
     def fitting_models(self) -> dict[str, tuple[str, ...]]:
-        """A cache: for actors that an operator has examined, the names of the models that fit."""
+        """Return a cache that operators fill: for each actor that was examined, the names of the models that fit."""
         return {}
 
     @cached_property
     def head_starts(self) -> dict[tuple[str, HeadStartSettings], tuple[float, ...]]:
-        """A cache: for actors that an operator has examined, the places on their paths where they may begin, m."""
+        """Return a cache that operators fill: for each actor that was examined, the places on its path where it may
+        begin, m.
+        """
         return {}
 
     def info(self, actor: str) -> ActorInfo:
-        """Return an actor's constant properties."""
+        """Return the properties of an actor that are constant over a run."""
         return self.trace.actors[self.columns[actor]]
 
     def kind(self, actor: str) -> str:
@@ -87,7 +89,7 @@ class Situation:
         return 0.0 if math.isnan(speed) else speed
 
     def driven_m(self, actor: str) -> float:
-        """Return the distance that an actor drives from the clip's beginning to a second after the risky point, m."""
+        """Return the distance that an actor drives from the clip's beginning to one second after the risky point, m."""
         until = self.frame + round(1 / STEP_S)
         return float(np.nansum(self.trace.states[: until + 1, self.columns[actor], SPEED])) * STEP_S
 
@@ -101,8 +103,10 @@ class Situation:
         return info.kind in VEHICLE_KINDS and bool(info.route) and not info.path
 
     def present_value(self, actor: str, name: str) -> Quantity | None:
-        """Return the value of a numeric property of an actor (`language.model.derived.PROPERTIES`): as the clip states
-        it, else its default; None for a property without either."""
+        """Return the value of an actor's numeric property (`language.model.derived.PROPERTIES`).
+
+        It is the value that the clip states, or else the default; None for a property without either.
+        """
         definition = PROPERTIES[name]
         if definition.statement is None or definition.dimension is None:
             return None
@@ -122,7 +126,7 @@ class Situation:
 
 @runtime_checkable
 class Operator(Protocol):
-    """Proposes changes of one kind. `name` goes into the mutant's origin."""
+    """Proposes changes of one kind; its `name` is part of the mutant's origin."""
 
     name: str
 
@@ -131,7 +135,7 @@ class Operator(Protocol):
         ...
 
     def letter_target(self, situation: Situation) -> str:
-        """Return the target that the paper's wording defines ("" for none)."""
+        """Return the target that the wording of the paper defines; "" for none."""
         ...
 
 
@@ -158,8 +162,10 @@ class BuiltIn(ABC):
 
     @abstractmethod
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return an actor's track ([T, 5] footprints, with the changes before) after a change of this operator's
-        property, without a simulation."""
+        """Return an actor's track after a change of this operator's property, computed without simulation.
+
+        `boxes`: the actor's track, [T, 5] footprints, with the earlier changes.
+        """
 
     def letter_target(self, situation: Situation) -> str:
         """Return the target that the paper's wording defines; "" for an operator that the paper does not have."""
@@ -196,13 +202,13 @@ class Numeric(BuiltIn):
 def added_si(change: Change) -> float:
     """Return the difference between a change's new and old value, in SI units."""
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
-        raise TypeError(f"{change.actor}.{change.property} is not a quantity")
+        raise TypeError(f"the value of {change.actor}.{change.property} must be a quantity")
     return change.now.si - change.was.si
 
 
 @lru_cache(maxsize=256)
 def multiples(low: float, high: float, step: float, *, centre: float, dead: float) -> tuple[float, ...]:
-    """Return the multiples of a step from `low` to `high`, without those closer to the centre than `dead`."""
+    """Return the multiples of a step from `low` to `high`, without those that are closer to `centre` than `dead`."""
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return tuple(round(k * step, 9) for k in range(first, last + 1) if abs(k * step - centre) >= dead - 1e-9)
 

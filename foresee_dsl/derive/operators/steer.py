@@ -1,4 +1,6 @@
-"""The paper's steering (section 3.4): an offset of the front wheels; afterwards the actor returns to its lane."""
+"""The paper's steering (section 3.4): the front wheels get an offset for a time; afterwards the actor returns to its
+lane.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ class Steer(Numeric):
         if not situation.on_lanes(target):
             return ()
         speed = situation.speed_mps(target, situation.trace.frame_at(_onset_s(situation, settings)))
-        # A target that stands at the onset is steered only where the preset asks for no speed (the paper's letter).
+        # A target that stands when the steering begins is steered only if the preset requires no speed, as the paper's
+        # wording does.
         if speed < settings.least_speed_mps:
             return ()
         bound = largest_share(situation.spec(target), speed, settings)
@@ -52,7 +55,9 @@ class Steer(Numeric):
         return tuple(change.model_copy(update=when) for change in self.changed(situation, target, value))
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Turn the recorded steps by the heading that the offset adds while it is held; then this heading decays."""
+        """Return the track with each recorded step turned by the heading that the offset adds while it is held; later
+        this heading decays.
+        """
         trace, actor, models = run
         spec, share = models[trace.actors[actor].model], change.now.si if isinstance(change.now, Quantity) else 0.0
         onset = round((change.start.si if isinstance(change.start, Quantity) else 0.0) / STEP_S)
@@ -77,7 +82,7 @@ class Steer(Numeric):
 
 
 def _onset_s(situation: Situation, settings: SteerSettings) -> float:
-    """Return when the steering begins, s: as proposed, else as the preset says (by default with the clip)."""
+    """Return when the steering begins, s: as it is proposed, or else as the preset says (by default with the clip)."""
     if situation.onset_s is not None:
         return situation.onset_s
     before_s = settings.before_point_s

@@ -1,1 +1,1 @@
-"""The ranker `reach`: when a change of which actor, by which operator, could still reach the ego as it drives."""
+"""The ranker `reach`: it finds which change of which actor, and from when on, could still hit the ego as it drove."""

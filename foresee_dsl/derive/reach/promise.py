@@ -1,4 +1,6 @@
-"""Estimates the worth of a change: the kinds of contact that its values cause, and how many a careful driver avoids."""
+"""Estimates how much a change is worth: the kinds of contact that its values cause, and how many of them a careful
+driver avoids.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,18 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _QUARTERS = 4
 _MET = "met"
-"""The role of an actor that comes near the ego without a change."""
+"""The role of an actor that comes near the ego although nothing was changed."""
 
 
 class Tale(NamedTuple):
-    """A description of a contact; contacts with equal descriptions are probably one finding.
+    """A description of a contact; contacts with equal descriptions are probably the same finding.
 
     Attributes:
-        role: class of the actor. course: its heading relative to the ego's, in quarters of a turn (0: the same). side:
-            side of the ego where it is, in quarters (0: front, 1: left). place: the ego's lane. stands: whether the ego
-            stands.
+        role: class of the actor.
+        course: its heading relative to the ego's, in quarters of a turn (0: the same).
+        side: side of the ego where it is, in quarters (0: front, 1: left).
+        place: the ego's lane.
+        stands: whether the ego stands.
     """
 
     role: str
@@ -41,7 +45,7 @@ class Tale(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReachPromise:
-    """A change, and the contacts that its values cause.
+    """A change of an actor, and the contacts that its values cause.
 
     Attributes:
         reaching: indices of the values that reach the recorded ego.
@@ -56,7 +60,7 @@ class ReachPromise:
 
     @property
     def onset(self) -> int:
-        """The frame at which the change begins."""
+        """Return the frame at which the change begins."""
         return self.rolled.change.onset
 
 
@@ -80,8 +84,9 @@ def promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSett
 
 
 def avoided_share(run: RecordedRun, promised: ReachPromise, settings: ReachSettings) -> float:
-    """Return the mean share of contacts that a careful driver avoids, over `settings.decided` of the reaching
-    values."""
+    """Return the mean share of contacts that a careful driver avoids, over `settings.decided` of the values that reach
+    the ego.
+    """
     rolled, change = promised.rolled, promised.rolled.change
     if not len(promised.reaching):
         return 0.0
@@ -121,10 +126,11 @@ def _tale(trace: Trace, rolled: RollOut, value: int, step: int) -> Tale:
 
 
 def in_order(promises: Sequence[ReachPromise], settings: ReachSettings) -> list[ReachPromise]:
-    """Return the promises, best first: each by the kinds of contact that those before it do not have.
+    """Return the promises, best first: each is rated by the kinds of contact that those before it do not have.
 
     Each earlier promise lowers the worth of its kinds of contact, in proportion to their share in it. Of equal promises
-    the one with the later onset comes first, as it leaves the least time unused."""
+    the one with the later onset comes first, because it leaves the least time unused.
+    """
     tales = list(dict.fromkeys(tale for candidate in promises for tale in candidate.tales))
     column = {tale: k for k, tale in enumerate(tales)}
     shares = np.zeros((len(promises), len(tales)))

@@ -1,4 +1,6 @@
-"""The ranker `reach`: proposes which actor to change, when and by which operator, by the contacts this can cause."""
+"""The ranker `reach`: it proposes which actor to change, when, and by which operator, by the contacts that this can
+cause.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,7 @@ class ReachRanker:
         return [promise(trace, rolled, moving, s) for rolled in rolling.rolled(changes)]
 
     def rolling(self, trace: Trace, gaps: FloatArray) -> Rolling:
-        """Return the object that rolls changes of a run out. `gaps`: [A, T] m between each actor and the ego."""
+        """Return the object that rolls out the changes of a run. `gaps`: [A, T] m between each actor and the ego."""
         chosen = preset(self.mutations.preset) if self.mutations is not None else preset("focused")
         return Rolling(trace, self._models(trace), chosen, self.settings, _NO_CLIP, _operators(chosen), gaps)
 
@@ -86,7 +88,7 @@ _NO_CLIP = Clip(name="none", parent="none.foresee", pin="sha256:000000000000", b
 
 
 def _operators(chosen: Preset) -> list[Numeric | ModelSwap]:
-    """Return the operators of a preset that can be rolled out."""
+    """Return those operators of a preset that can be rolled out."""
     by_name = operators()
     names = dict.fromkeys(name for recipe in chosen.recipes for name in recipe)
     return [operator for name in names if isinstance(operator := by_name[name], Numeric | ModelSwap)]
@@ -107,7 +109,9 @@ def _nearest(gaps: FloatArray, s: ReachSettings) -> list[int]:
 
 
 def _usual(trace: Trace) -> Mapping[str, ModelSpec]:
-    """Return the models of a trace, with the default values of their class for vehicles of their size."""
+    """Return the models of the actors of a trace; vehicles have the default values of their class, with their recorded
+    size.
+    """
     specs = {}
     for info in trace.actors:
         base = CLASS_DEFAULTS[cast(ActorKind, info.kind)]
@@ -131,7 +135,7 @@ def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -
             f"a careful driver avoids {avoided:.0%} of them"
         )
     else:
-        does = f"none of {count} changes reaches the ego, the nearest comes to it at {contact_s:.1f} s"
+        does = f"none of {count} changes reaches the ego; the nearest one is closest at {contact_s:.1f} s"
     return RiskyPoint(
         rank=0,
         frame=frame,

@@ -1,4 +1,4 @@
-"""Rolls the allowed changes of operators out: the actors' new poses, and their gaps to the recorded ego."""
+"""Rolls out the allowed changes of operators: the actors' new poses, and their gaps to the recorded ego."""
 
 from __future__ import annotations
 
@@ -28,14 +28,18 @@ from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 _CRAWLS_MPS = 0.5
-"""Speed below which the recorded yaw rate does not give the curvature, m/s; the wheels are then assumed straight.
+"""Speed below which the recorded yaw rate does not tell the curvature, m/s; the wheels are then assumed to be straight.
 Ours."""
 _TIGHTEST_PER_M = 0.3
-"""Largest curvature that is read from a recorded yaw rate. Ours: a car's turning circle has a radius of 5.5 m."""
+"""Largest curvature that is computed from a recorded yaw rate, 1/m. Ours: a car's turning circle has a radius of
+5.5 m."""
 
 
 class _Limits(NamedTuple):
-    """Limits of the vehicles, [P, 1] each: m, rad, rad/s, m, m/s^2. `rear_axle`: its distance behind the middle."""
+    """Limits of P vehicles, [P, 1] each: m, rad, rad/s, m, m/s^2.
+
+    `rear_axle`: distance of the rear axle behind the middle.
+    """
 
     wheelbase: FloatArray
     steer: FloatArray
@@ -110,15 +114,15 @@ def steered(
 
 
 _CLOSE_M = 2.0
-"""Gap between the circles around two bodies below which their footprints are measured, m; above, the circles are exact
-enough."""
+"""Gap between the circles around two bodies below which the distance of their footprints is computed, m; above, that of
+the circles is exact enough."""
 _AFTER_POINT_S = 1.0
-"""Operators need the run until a second after the risky point (`Situation.driven_m`)."""
+"""Time after the risky point up to which operators need the run (`Situation.driven_m`), s."""
 
 
 @dataclass(frozen=True)
 class RolledChange:
-    """An operator that acts on an actor from a moment on. `onset`: the frame. `actor`: the column."""
+    """An operator that acts on an actor from a moment on. `onset`: the frame. `actor`: the actor's column."""
 
     onset: int
     actor: int
@@ -127,7 +131,7 @@ class RolledChange:
 
 @dataclass(frozen=True, eq=False)
 class RollOut:
-    """A change with some of its allowed values, rolled out.
+    """A change that was rolled out with some of its allowed values.
 
     Attributes:
         values: [N], SI units; for a model swap, indices among the models that fit.
@@ -144,26 +148,26 @@ class RollOut:
 
     @property
     def every(self) -> int:
-        """Number of frames per step."""
+        """Return the number of frames per step."""
         return int(self.frames[1] - self.frames[0])
 
     @property
     def steps(self) -> int:
-        """Number of whole steps before the run's end."""
+        """Return the number of whole steps before the run's end."""
         return int(np.count_nonzero(np.diff(self.frames) == self.every))
 
 
 class _Moment(Situation):
-    """The situation at a moment of a run, before a clip is cut: actors' statements have their defaults."""
+    """The situation at a moment of a run before a clip is cut; the actors' statements have their default values."""
 
     @cached_property
     def columns(self) -> dict[str, int]:
-        """The columns of the actors that are present."""
+        """Return the columns of the actors that are present."""
         there = ~np.isnan(self.trace.states[0, :, X])
         return {info.id: k for k, info in enumerate(self.trace.actors) if k and there[k]}
 
     def present_value(self, actor: str, name: str) -> Quantity | None:
-        """Return an actor's place on its path for `moving`, else the property's default."""
+        """Return an actor's place on its path for `moving`; for other properties, the default."""
         definition = PROPERTIES[name]
         if definition.dimension is None:
             return None
@@ -217,7 +221,7 @@ class Rolling:
     def _swaps(
         self, moment: Situation, onset: int, actor: int, operator: ModelSwap
     ) -> Iterator[tuple[RolledChange, FloatArray]]:
-        """Yield the model swap of a moving actor if another model of its class can bring it near the ego.
+        """Yield the model swap of a moving actor, if another model of its class can bring the actor near the ego.
 
         Whether models fit is slow to compute, so it is computed only for an actor that would come near.
         """
@@ -239,7 +243,9 @@ class Rolling:
             yield change, np.arange(len(models), dtype=np.float64)
 
     def rolled(self, changes: Sequence[tuple[RolledChange, FloatArray]]) -> list[RollOut]:
-        """Roll changes out, each with up to `settings.shares` of its allowed values, evenly spaced."""
+        """Return changes that were rolled out, each with up to `settings.shares` of its allowed values, evenly
+        spaced.
+        """
         chosen = [(change, _evenly(values, self.settings.shares)) for change, values in changes]
         steers = [(change, values) for change, values in chosen if isinstance(change.operator, Steer)]
         rolled = self._steered(steers)
@@ -255,7 +261,8 @@ class Rolling:
         if not chosen:
             return []
         most = max(len(values) for _, values in chosen)
-        shares = np.array([np.resize(values, most) for _, values in chosen])  # a shorter row repeats its values
+        # A shorter row is filled with its own values.
+        shares = np.array([np.resize(values, most) for _, values in chosen])
         frames = np.array([self._frames(change.onset, self.settings.looks_s) for change, _ in chosen])
         actors = np.array([change.actor for change, _ in chosen])
         poses = steered(self.trace, self.models, (actors, frames), shares, self.preset.steer.hold_s,
@@ -298,7 +305,7 @@ class Rolling:
         circles = (np.hypot(sizes[..., 0], sizes[..., 1]) + math.hypot(info.length_m, info.width_m))[..., None] / 2
         apart = np.hypot(poses[..., 0] - ego[:, None, :, 0], poses[..., 1] - ego[:, None, :, 1])
         gone = np.isnan(trace.states[frames, actors[:, None], X])
-        gone[:, 1:] |= frames[:, 1:] == frames[:, :-1]  # beyond the run's end
+        gone[:, 1:] |= frames[:, 1:] == frames[:, :-1]  # a frame beyond the run's end
         gaps = np.where(np.isnan(apart) | gone[:, None, :], np.inf, np.maximum(apart - circles, 0.0))
         p, n, t = np.nonzero(gaps < _CLOSE_M)
         egos = np.column_stack([ego[p, t], np.broadcast_to((info.length_m, info.width_m), (len(p), 2))])

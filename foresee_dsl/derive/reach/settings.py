@@ -28,7 +28,7 @@ class ReachSettings:
             little.
         swap_within_m: recorded gap to the ego above which an actor's model is not swapped, swap_reach_m: gap that a
             swap must reach. Ours: these save time, as most swaps have no effect.
-        proposals: largest number of ranked changes; the points of `foresee` follow them.
+        proposals: maximum number of ranked changes; the points of the ranker `foresee` follow them.
     """
 
     every_s: float = 1.0

@@ -32,19 +32,20 @@ from foresee_dsl.errors import DriverError, DriverLateError
 from foresee_dsl.measuring import Part
 
 STEP_DEADLINE_S = 1.0
-"""Wall time of an answer, unless FORESEE_STEP_DEADLINE_S is set, s. Ours: twenty times real time, so that a busy
-machine does not change a verdict."""
+"""Limit of the wall time of an answer, s, unless FORESEE_STEP_DEADLINE_S is set. Ours: twenty times real time, so that
+a busy machine does not change a verdict."""
 RESET_DEADLINE_S = 10.0
-"""Wall time from the start of the program to its first line, unless FORESEE_RESET_DEADLINE_S is set, s. Ours: an
-interpreter that imports a framework for learned models takes some seconds."""
+"""Limit of the wall time from the start of the program to its first line, s, unless FORESEE_RESET_DEADLINE_S is set.
+Ours: an interpreter that imports a framework for learned models takes some seconds."""
 T = TypeVar("T")
 USAGE = 'write external:COMMAND, such as --driver "external:python3 my_driver.py"'
 PROTOCOL_VERSION = 1
 LONGEST_ARRAY = 20_000
-"""Maximum number of elements of an array that is sent; larger arrays, and all with three or more dimensions, are
-treated as pictures. Ours: above a centreline of 10,000 points, below a raster of 150 by 150 pixels."""
+"""Largest number of elements of an array that is sent to the program. Larger arrays, and all arrays of three or more
+dimensions, are pictures, which are not sent. Ours: above a centreline of 10,000 points, below a raster of 150 by 150
+pixels."""
 SHOWN = 80
-"""Maximum number of characters of an invalid answer in a message. Ours."""
+"""Maximum number of characters of an invalid answer that a message quotes. Ours."""
 FUTURE_S: NDArray[np.float64] = np.arange(1, 21, dtype=np.float64) * 0.2
 """Times from now for which an actor's future is sent for an ideal prediction, s. Ours: 4 s, the horizon of `pdm`."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
@@ -58,14 +59,15 @@ class ExternalDriver:
     version = "1"
 
     def __init__(self, command_line: str) -> None:
-        """Check a command line and split it like a shell; nothing is started yet, and a shell is never used.
+        """Check a command line and split it into words as a shell does. Nothing is started yet, and no shell is ever
+        used.
 
         Raises:
             DriverError: the command line is empty or cannot be split, there is no such program, or the setting of a
                 deadline is not a time.
         """
         if os.name != "posix":
-            raise DriverError("external drivers need process groups, which this system has not")
+            raise DriverError("external drivers need process groups, which this system does not have")
         self._command = _split(command_line)
         self.step_deadline_s = seconds_of(STEP_VARIABLE, STEP_DEADLINE_S)
         self._reset_s = seconds_of(RESET_VARIABLE, RESET_DEADLINE_S)
@@ -73,9 +75,9 @@ class ExternalDriver:
         self._stays = False
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
         self.name = f"external:{command_line}"
-        self.version = ""  # read from the program's first line
+        self.version = ""  # read from the program's first line when the program has started
         self.parts: tuple[DriverPart, ...] = tuple(DriverPart)
-        """The parts that an ideal one can replace; any, until the program's first line declares them."""
+        """The parts that can be replaced by ideal ones: any, until the program's first line declares them."""
         self._ideal: frozenset[DriverPart] = frozenset()
         self._truth: Truth | None = None
 
@@ -89,7 +91,10 @@ class ExternalDriver:
         self._ideal, self._truth = ideal, truth
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Start the program unless it stayed, and send it the mission; sets `version` to its name and version."""
+        """Start the program, unless it stayed from the run before, and send it the mission.
+
+        Sets `version` to its name and version.
+        """
         self.close()
         stayed = take(self._key)
         if stayed is not None and not stayed.waits:
@@ -115,7 +120,7 @@ class ExternalDriver:
         self._forget()
 
     def _truth_now(self) -> dict[str, object] | None:
-        """Return the truth of this step for the ideal parts; None without any."""
+        """Return the truth of this step for the ideal parts; None if no part is ideal."""
         truth = self._truth
         if truth is None or not self._ideal:
             return None
@@ -132,13 +137,16 @@ class ExternalDriver:
         return "external", str(Path.cwd()), *self._command
 
     def _exchange(self, line: bytes, deadline_s: float, read: Callable[[bytes], T]) -> T:
-        """Return `read` of the answer to a line; a program that breaks the protocol is ended, and the error names
-        it."""
+        """Send a line and return `read` of the answer.
+
+        A program that breaks the protocol is ended, and the error names it.
+        """
         if self._program is None:
             raise DriverError("an external driver was stepped before reset, or after it broke")
         try:
             return read(self._program.exchange(line, deadline_s))
-        except BaseException as err:  # also for Ctrl-C: a late answer makes the program unusable
+        except BaseException as err:
+            # On Ctrl-C too, because an answer that comes later would be taken for that of the next line.
             self._program.kill()
             self._forget()
             if isinstance(err, DriverLateError):
@@ -162,7 +170,9 @@ def _split(command_line: str) -> list[str]:
     if not command:
         raise DriverError(f"external names no program; {USAGE}")
     if shutil.which(command[0]) is None:
-        raise DriverError(f"external:{command_line}: there is no program {command[0]!r} (seen from {Path.cwd()})")
+        raise DriverError(
+            f"external:{command_line}: there is no program {command[0]!r} in the search path or in {Path.cwd()}"
+        )
     return command
 
 
@@ -173,7 +183,7 @@ def _split(command_line: str) -> list[str]:
 def reset_line(
     mission: Mission, vehicle: VehicleLimits, seed: int, ideal: frozenset[DriverPart] = frozenset()
 ) -> bytes:
-    """Return the first line of a run; `ideal`: parts that the program replaces by the truth."""
+    """Return the first line of a run; `ideal`: the parts of the program for which it gets the truth."""
     ideal_key = {"ideal": [str(part) for part in DriverPart if part in ideal]} if ideal else {}
     first = {"foresee": PROTOCOL_VERSION, "type": "reset", "mission": mission, "vehicle": vehicle, "seed": seed}
     return _line({**first, **ideal_key})
@@ -191,9 +201,10 @@ def end_line() -> bytes:
 
 
 class Ready(NamedTuple):
-    """The program's first line of a run. `stays`: whether it takes another `reset` after the `end` of a run.
+    """The content of the program's first line of a run.
 
-    `parts`: those that it can replace by the truth, with those of every driver.
+    `stays`: whether the program takes another `reset` after the `end` of a run. `parts`: the parts for which it can
+    take the truth, with those that every driver has.
     """
 
     name: str
@@ -221,9 +232,11 @@ def read_control(line: bytes) -> Control:
 
 
 def plain(value: object) -> Any:  # noqa: ANN401  a JSON value
-    """Return a value as dicts, lists, texts, finite numbers, booleans and None, without parts that JSON cannot express.
+    """Return a value as dicts, lists, texts, finite numbers, booleans and None, without the parts that JSON cannot
+    express.
 
-    Dataclasses become objects with a key for each field, arrays lists, numbers that are not finite None.
+    Dataclasses become objects with a key for each field, arrays become lists, and numbers that are not finite become
+    None.
     """
     result = _plain(value)
     return None if result is _LEFT_OUT else result

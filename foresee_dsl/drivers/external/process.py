@@ -1,8 +1,7 @@
-"""Runs a program in a process group of its own: exchanges lines with deadlines, and ends the program in any case.
+"""Runs a program in a process group of its own: exchanges lines with deadlines, and makes sure that the program ends.
 
 The leader of the group is a guard: a shell that waits for the end of its input and then kills the group, itself
-included. Its input is a pipe that only this process holds, so that the program ends with this process even after a
-SIGKILL.
+included. Its input is a pipe that only this process holds, so the program ends with this process even after a SIGKILL.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ from foresee_dsl.errors import DriverError, DriverLateError
 LONGEST_LINE = 65_536
 """Maximum length of a line from the program, bytes. Ours: an answer needs less than 100."""
 FAREWELL_S = 1.0
-"""Time that a program has to end after the line `end`, s. Ours: time to close a log file."""
+"""Time that a program gets to end by itself after the line `end`, s. Ours: time to close a log file."""
 LAST_WORDS_S = 0.2
-"""Time to wait for the exit code and the rest of stderr after the program has closed its output, s. Ours."""
+"""Time to wait, after the program has closed its output, for its exit code and the rest of its stderr, s. Ours."""
 LAST_WORDS = 400
 """Maximum number of characters from the end of stderr in a message. Ours: the last line of a traceback and its
 place."""
@@ -35,15 +34,15 @@ _GUARD = ("/bin/sh", "-c", 'trap "" HUP INT TERM; read -r _; kill -KILL 0')
 
 
 def kept_programs() -> tuple[int, ...]:
-    """Return the process ids of programs that stay for the next run."""
+    """Return the process ids of the programs that stay for the next run."""
     return tuple(pid for value in values() if isinstance(value, Program) for pid in value.pids)
 
 
 class Program:
-    """A running program. `exchange` sends a line and returns the one that answers it."""
+    """A running program; `exchange` sends a line and returns the line that answers it."""
 
     def __init__(self, command: Sequence[str]) -> None:
-        """Start the program with its arguments in the working folder, without a shell."""
+        """Start the program with its arguments in the working folder; no shell is used."""
         self._guard = subprocess.Popen(  # noqa: S603  a constant
             _GUARD, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
         )
@@ -66,7 +65,7 @@ class Program:
             os.set_blocking(stream.fileno(), False)
         self._received = bytearray()
         self._words = bytearray()
-        self._silent = False  # its standard output is closed
+        self._silent = False  # the program has closed its standard output
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._out, selectors.EVENT_READ)
         self._selector.register(self._err, selectors.EVENT_READ)
@@ -82,7 +81,7 @@ class Program:
         return self._guard.pid, self._process.pid
 
     def stays(self, farewell: bytes) -> bool:
-        """Send the last line of a run; return whether the program can take another one."""
+        """Send the last line of a run; return whether the program is still there and can take another run."""
         with contextlib.suppress(OSError):
             unsent = self._send(memoryview(farewell), time.monotonic() + FAREWELL_S)
             return not unsent and self.waits
@@ -103,7 +102,7 @@ class Program:
         """
         self._read(self._out)
         if self._received:
-            raise DriverError(f"it wrote a line without a message to answer{self._last_words()}")
+            raise DriverError(f"it wrote a line although no message was waiting for an answer{self._last_words()}")
         until = time.monotonic() + deadline_s
         unsent = self._send(memoryview(line), until)
         while not unsent:
@@ -112,7 +111,7 @@ class Program:
                 raise DriverError(f"it wrote a line of more than {LONGEST_LINE} bytes{self._last_words()}")
             if newline:
                 if rest:
-                    raise DriverError(f"it wrote more than one line for one message{self._last_words()}")
+                    raise DriverError(f"it answered one message with more than one line{self._last_words()}")
                 self._received.clear()
                 return bytes(answer)
             if self._silent or not self._wait(until):
@@ -120,12 +119,14 @@ class Program:
         if self._silent or self._process.poll() is not None:
             raise DriverError(f"it ended ({self._exit()}) without an answer{self._last_words()}")
         if len(self._received) > LONGEST_LINE:
-            raise DriverError(f"it wrote {len(self._received)} bytes without a message to answer{self._last_words()}")
+            raise DriverError(
+                f"it wrote {len(self._received)} bytes, and no message was waiting for an answer{self._last_words()}"
+            )
         doing = "read its line" if unsent else "answer"
         raise DriverLateError(f"it did not {doing} within {deadline_s:g} s{self._last_words()}", deadline_s)
 
     def end(self, farewell: bytes) -> None:
-        """Send a last line, wait up to `FAREWELL_S` for the program to end, then kill the group. Never raises."""
+        """Send a last line, wait up to `FAREWELL_S` for the program to end, then kill its group. It never raises."""
         until = time.monotonic() + FAREWELL_S
         with contextlib.suppress(OSError):
             self._send(memoryview(farewell), until)
@@ -137,10 +138,10 @@ class Program:
         self.kill()
 
     def kill(self) -> None:
-        """Kill the program and its group, and leave no zombie. Never raises; may be called again."""
+        """Kill the program and its group, and leave no zombie process. It never raises, and may be called again."""
         self._selector.close()
         self._end_guard()
-        if self._process.poll() is None:  # it has left the group
+        if self._process.poll() is None:  # the program has left the group
             self._process.kill()
         self._process.wait()
         for stream in (self._in, self._out, self._err):
@@ -150,7 +151,8 @@ class Program:
     def _end_guard(self) -> None:
         if self._guard.returncode is not None:
             return
-        # The guard was not waited for yet, so its id still belongs to the group, even if the guard is dead.
+        # The guard has not been waited for, so its id still belongs to the group even if the guard is dead, and no
+        # other process can have it.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._guard.pid, signal.SIGKILL)
         self._guard.wait()
@@ -158,7 +160,9 @@ class Program:
             _pipe(self._guard.stdin).close()
 
     def _send(self, data: memoryview, until: float) -> memoryview:
-        """Write data, and read meanwhile so that two full pipes do not block each other; return the unsent bytes."""
+        """Write data, and read at the same time so that two full pipes do not block each other; return the bytes that
+        were not sent.
+        """
         self._selector.register(self._in, selectors.EVENT_WRITE)
         try:
             while data:
@@ -173,7 +177,9 @@ class Program:
         return data
 
     def _wait(self, until: float) -> bool:
-        """Wait at most `_TICK_S` for input or output, and read it; return False when the deadline has passed."""
+        """Wait at most `_TICK_S` until data can be read or written, and read it; return False if the deadline has
+        passed.
+        """
         left = until - time.monotonic()
         if left <= 0:
             return False
@@ -213,7 +219,7 @@ class Program:
         self._read(self._err)
         words = " | ".join(w for w in self._words.decode("utf-8", errors="replace").splitlines() if w.strip())
         words = "".join(c if c.isprintable() else " " for c in words)
-        return f"; it said: {words[-LAST_WORDS:]}" if words else ""
+        return f"; the end of its stderr: {words[-LAST_WORDS:]}" if words else ""
 
     def _open(self, stream: IO[bytes]) -> bool:
         return stream in (k.fileobj for k in self._selector.get_map().values())

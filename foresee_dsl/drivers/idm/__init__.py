@@ -30,19 +30,19 @@ TIME_GAP_S = 1.0
 BRAKING_MPS2 = 1.5
 EXPONENT = 4
 LEAST_GAP_M = 0.1
-"""Lowest gap in the model, m. Ours: avoids a division by zero."""
+"""Smallest gap with which the model computes, m. Ours: it avoids a division by zero."""
 
 EMERGENCY_TTC_S = 1.5
-"""Time to collision below which it brakes in emergency, s: FHWA-HRT-08-051 (the Surrogate Safety Assessment Model)
-counts a lower one as a conflict."""
+"""Time to collision below which the driver brakes in an emergency, s: FHWA-HRT-08-051 (the Surrogate Safety Assessment
+Model) counts a lower one as a conflict."""
 PREVIEW_S = 0.5
-"""Preview time of the speed profile, s. Ours: drivetrain and brakes lag by 0.2 s."""
+"""Time by which the driver looks ahead in the speed profile, s. Ours: drivetrain and brakes respond 0.2 s late."""
 SLOWEST_MPS = 0.5
-"""Lowest desired speed, m/s. Ours: avoids a division by zero."""
+"""Lowest desired speed, m/s. Ours: it avoids a division by zero."""
 
 
 class _State:
-    """The state from one `reset` to the next."""
+    """The state of the driver from one `reset` to the next."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
         self._route, self._vehicle = build_route(mission, vehicle), vehicle
@@ -51,7 +51,7 @@ class _State:
         self._plan: PlannedMotion | None = None
 
     def step(self, observation: Observation) -> Control:
-        """Keep the middle of the lane, with the acceleration of the model."""
+        """Answer an observation: keep the middle of the lane, with the model's acceleration."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
         self._last = situation, tracks
@@ -64,8 +64,11 @@ class _State:
         return self._plan
 
     def explain(self) -> Sequence[Reason]:
-        """Decide once more for each signal and object alone; see `drivers.pdm.reasons`."""
-        from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone, situation_of  # not for driving
+        """Return the reasons for the last answer: decide once more for each signal and object alone
+        (`drivers.pdm.reasons`).
+        """
+        # Imported here, because driving does not need it.
+        from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone, situation_of
 
         if self._last is None:
             return ()
@@ -90,16 +93,18 @@ class IdmDriver(BundledDriver[_State]):
 
 
 def _acceleration(situation: RoadSituation) -> float:
-    """Return the desired acceleration, m/s^2."""
+    """Return the acceleration that the driver wants, m/s^2."""
     ego, route = situation.ego, situation.route
     speed, others = ego.forward, traffic.read_others(situation)
     if speed > cfg.SENSED_STANDS_MPS and traffic.time_to_collision(others, speed) < EMERGENCY_TTC_S:
         return -ego.strongest
     allowed = float(route.between("profile", ego.s + PREVIEW_S * speed))
     desired = max(allowed, SLOWEST_MPS)
-    # Brake for bends in time: the IDM's free term has only one desired speed and would brake too late.
+    # Brake for bends in time: the free term of the IDM has only one desired speed, and would begin to brake in the
+    # bend.
     wish = min(free_acceleration(speed, desired), (allowed - speed) / PREVIEW_S)
-    # A waiting place is treated as a standing leader, farther ahead by the gap that the IDM keeps.
+    # A waiting place is treated as a standing leader. It is put farther ahead by the gap that the IDM keeps to a
+    # leader.
     waits = (
         (traffic.walkers(situation, others), 0.0),
         (traffic.stop_line(situation), cfg.MINIMUM_GAP_M),
@@ -118,13 +123,15 @@ def free_acceleration(speed_mps: float, desired_mps: float) -> float:
 
 
 def desired_gap(speed_mps: float, closing_mps: float) -> float:
-    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))); dv: its speed minus the leader's."""
+    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))), with dv the driver's speed minus the
+    leader's.
+    """
     dynamic = speed_mps * (TIME_GAP_S + closing_mps / (2.0 * math.sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)))
     return cfg.MINIMUM_GAP_M + max(0.0, dynamic)
 
 
 def idm_acceleration(speed_mps: float, desired_mps: float, gap_m: float, leader_mps: float) -> float:
-    """Return the IDM's acceleration, m/s^2: a (1 - (v / v0)^4 - (s* / s)^2); not bounded below.
+    """Return the IDM's acceleration, m/s^2: a (1 - (v / v0)^4 - (s* / s)^2); it has no lower bound.
 
     `desired_mps`: v0, above 0. `gap_m`: bumper to bumper; infinite without a leader.
     """

@@ -1,7 +1,7 @@
-"""Evaluates the other actors for the `idm` driver: those in its corridor, those entering it, those with priority.
+"""Evaluates the other actors for the driver `idm`: those in its corridor, those entering it, and those with priority.
 
-All are predicted at constant speed on a straight line in the route's coordinates (length along it and offset from it),
-so that they follow its bends; there is no other prediction.
+All are predicted with constant speed on a straight line in the route's coordinates (length along it and offset from
+it), so they follow its bends.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from foresee_dsl.kernels.pdm.records import EgoRecord
 from foresee_dsl.kernels.pdm.route import stops_before
 
 ACCELERATION_MPS2 = 1.0
-"""See the package's docstring."""
+"""Acceleration of the model, m/s^2; the package's docstring has its source."""
 CORRIDOR_MARGIN_M = 0.3
-"""Distance to the ego's side within which an actor is in its corridor, m. Ours: a lane of 3.3 m has 0.7 m beside a
+"""An actor within this distance of the ego's side is in its corridor, m. Ours: a lane of 3.3 m has 0.7 m beside a
 car."""
 TOUCH_MARGIN_M = 0.15
 """Lateral margin between the footprints for the time to collision, m. Ours: smaller than `CORRIDOR_MARGIN_M`, as a
 false alarm causes full braking."""
 STILL_MPS = 0.1
-"""Relative speed below which a distance counts as constant, m/s. Ours."""
+"""A distance that changes by less than this counts as constant, m/s. Ours."""
 CONFLICT_MARGIN_M = 1.0
-"""Distance before a conflict at which it waits, m. Ours: the front corners swing out in a turn."""
+"""Distance before a conflict at which the ego waits, m. Ours: the front corners swing out in a turn."""
 YIELD_BRAKING_MPS2 = 4.0
-"""Braking up to which the ego gives way, m/s^2. Ours."""
+"""Braking up to which the ego brakes in order to give way, m/s^2. Ours."""
 GAP_MARGIN_S = 1.5
 """Least time between the ego clearing a conflict and the arrival of a vehicle with priority, s. Ours."""
 WALKER_AIR_M = 0.8
-"""Distance to the lane within which a pedestrian is about to step on it, m. Ours: one stride."""
+"""A pedestrian within this distance of the lane is about to step on it, m. Ours: one stride."""
 WALKER_MARGIN_S = 1.0
 """Least time between the ego and a pedestrian at the same place, s. Ours."""
 WALKER_REACH_S = 6.0
-"""Time after which pedestrians that enter the corridor are ignored, s. Ours: a comfortable stop from 50 km/h takes 6
+"""Pedestrians that enter the corridor after this time are ignored, s. Ours: a comfortable stop from 50 km/h takes 6
 s."""
 LEAST_ARRIVAL_MPS = 3.0
-"""Lowest assumed speed of the ego's arrival, m/s. Ours: without it a standing ego would never arrive, and would set
-off."""
+"""Lowest speed with which the ego's time of arrival is computed, m/s. Ours: otherwise a standing ego would never arrive
+anywhere, so it would see no conflict and set off."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def read_others(situation: RoadSituation) -> Others:
 
 
 def leader(others: Others) -> IdmLeader | None:
-    """Return the nearest actor ahead in the corridor; an oncoming one counts as standing."""
+    """Return the nearest actor ahead in the corridor; None without one. An oncoming actor counts as standing."""
     inside = (np.abs(others.d) < others.side + CORRIDOR_MARGIN_M) & (others.ahead > -1.0)
     if not inside.any():
         return None
@@ -101,7 +101,9 @@ def leader(others: Others) -> IdmLeader | None:
 
 
 def time_to_collision(others: Others, speed_mps: float) -> float:
-    """Return the time until the ego, at constant speed in its corridor, first touches an actor, s; infinite: never."""
+    """Return the time until the ego, at constant speed in its corridor, first touches an actor, s; infinite if it never
+    does.
+    """
     enters, leaves = _span(others.ahead, others.far, speed_mps - others.speed_s)
     comes, goes = _sideways(others, TOUCH_MARGIN_M)
     first = np.maximum(np.maximum(enters, comes), 0.0)
@@ -110,16 +112,18 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
 
 
 def walkers(situation: RoadSituation, others: Others) -> float | None:
-    """Return the gap (m) to the nearest pedestrian who is in the corridor now or when the ego arrives; None: none."""
+    """Return the gap (m) to the nearest pedestrian that is in the corridor now, or will be when the ego arrives; None
+    without one.
+    """
     if not situation.actors["pedestrian"].any():
         return None
     comes, goes = _sideways(others, WALKER_AIR_M)
     moving = np.abs(others.speed_d) > STILL_MPS
-    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # a standing pedestrian waits
+    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # a pedestrian that stands waits for the ego
     speed = max(situation.ego.forward, LEAST_ARRIVAL_MPS)
     enters, leaves = np.maximum(others.ahead, 0.0) / speed, others.far / speed
     meets = (enters < goes + WALKER_MARGIN_S) & (comes < leaves + WALKER_MARGIN_S) & (goes > 0)
-    # If the ego cannot stop any more, it passes in front of a pedestrian who arrives later.
+    # An ego that cannot stop any more passes in front of a pedestrian that arrives later.
     stops_in = situation.ego.forward**2 / (2 * situation.ego.strongest)
     meets &= (comes < leaves) | (others.ahead > stops_in)
     in_way = situation.actors["pedestrian"] & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
@@ -127,7 +131,9 @@ def walkers(situation: RoadSituation, others: Others) -> float | None:
 
 
 def stop_line(situation: RoadSituation) -> float | None:
-    """Return the distance (m) to the first stop line at which the ego must stop for a signal, and can; None: none."""
+    """Return the distance (m) to the first stop line at which a signal makes the ego stop, and at which it can stop;
+    None without one.
+    """
     ego = situation.ego
     for k in np.flatnonzero(_near_junctions(situation)).tolist():
         passage = situation.route.passages[k]
@@ -140,7 +146,9 @@ def stop_line(situation: RoadSituation) -> float | None:
 
 
 def giving_way(situation: RoadSituation) -> float | None:
-    """Return the distance (m) to the place where the ego waits for a gap in a stream with priority; None: it may go."""
+    """Return the distance (m) to the place where the ego waits for a gap in a stream with priority; None if it
+    may go.
+    """
     ego, route = situation.ego, situation.route
     yields = route.foes["has_priority"] & ~route.foes["walking"]
     ahead = route.foes["own_s"] - CONFLICT_MARGIN_M > ego.front_s - cfg.STOP_MARGIN_M
@@ -166,8 +174,10 @@ def _near_junctions(situation: RoadSituation) -> BoolArray:
 
 
 def _waiting_places(foes: Records, ego: EgoRecord) -> list[float]:
-    """Return the ego's waiting place for each stream, along the route: before the first of the conflicts that have no
-    room for the ego between them."""
+    """Return the place, along the route, at which the ego waits for each stream.
+
+    It is before the first of those conflicts that have no room for the ego between them.
+    """
     length = ego.front_s - ego.rear_s
     conflicts = list(zip(foes["own_s"].tolist(), foes["own_until_s"].tolist(), strict=True))
     places = [0.0] * len(foes)
@@ -202,7 +212,7 @@ def _travel_time(distance_m: float, speed_mps: float) -> float:
 
 
 def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the interval in which the ego is level with each actor, s; an empty one (inf, -inf): never."""
+    """Return the interval of time in which the ego is level with each actor, s; (inf, -inf) if it never is."""
     level = (ahead <= 0) & (far >= 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         near, last = ahead / closing, far / closing
@@ -213,6 +223,6 @@ def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[Floa
 
 
 def _sideways(others: Others, margin_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return the interval in which each actor is in the ego's corridor, s; an empty one (inf, -inf): never."""
+    """Return the interval of time in which each actor is in the ego's corridor, s; (inf, -inf) if it never is."""
     width = others.side + margin_m
     return _span(others.d - width, others.d + width, -others.speed_d)

@@ -1,4 +1,5 @@
-"""The bundled driver `pdm`: rolls out proposals of the Intelligent Driver Model, scores them, and tracks the best one.
+"""The bundled driver `pdm`: it simulates several proposals of the Intelligent Driver Model, scores them, and follows
+the best one.
 
 It follows PDM-Closed (Dauner et al. 2023), on sensed objects. Between steps it keeps its tracker (the smoothed
 positions and speeds of the others) and, for a second, the colours of signals. A decision does not depend on earlier
@@ -24,7 +25,9 @@ from foresee_dsl.kernels.pdm.prediction import TIMES_S
 
 
 class _Plan(NamedTuple):
-    """The decision on the object list of `measured_s`: the lateral offset to reach, m, and the acceleration."""
+    """The decision that follows from the object list of `measured_s`: the lateral offset to reach, m, and the
+    acceleration, m/s^2.
+    """
 
     measured_s: float
     offset_m: float
@@ -32,7 +35,7 @@ class _Plan(NamedTuple):
 
 
 class _Basis(NamedTuple):
-    """The input of the last decision."""
+    """The input from which the last decision was computed."""
 
     observation: Observation | None = None
     tracks: Tracks | None = None
@@ -40,8 +43,10 @@ class _Basis(NamedTuple):
 
 
 class _State:
-    """The state from one `reset` to the next: the route, the ego's record [1] and its view as floats, tracks,
-    signals."""
+    """The state of the driver from one `reset` to the next.
+
+    It holds the route, the ego's record [1] and the view of that record as floats, the tracks and the signals.
+    """
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
         route = self._route = build_route(mission, vehicle)
@@ -55,8 +60,10 @@ class _State:
         self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
 
     def step(self, observation: Observation) -> Control:
-        """Decide if the object list is new (the standard sensors give one every second step, and PDM plans at 10 Hz);
-        otherwise continue the last decision."""
+        """Decide again if the object list is new, otherwise continue the last decision.
+
+        The standard sensors give a new list every second step, which fits PDM's planning at 10 Hz.
+        """
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
         route, egos, plan = self._route, self._egos, self._plan
         write_state(self._numbers, observation.ego)
@@ -72,20 +79,21 @@ class _State:
         return Control(*answer)
 
     def planned(self) -> PlannedMotion | None:
-        """Return the acceleration of the decision in force, and the wheel angle for its offset."""
+        """Return the acceleration of the decision in force, and the wheel angle that leads to its offset."""
         if self._plan is None:
             return None
         angle = float(steer(self._egos, self._route.points, self._plan.offset_m))
         return PlannedMotion(self._plan.acceleration_mps2, angle)
 
     def explain(self) -> Sequence[Reason]:
-        """Decide once more for each signal and object alone; see `reasons`."""
-        from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone  # not for driving
+        """Return the reasons for the last answer: decide once more for each signal and object alone (`reasons`)."""
+        # Imported here, because driving does not need it.
+        from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone
 
         observation, tracks, signals = self._basis
         if observation is None or tracks is None:
             return ()
-        if self._explained[0] is self._basis:  # the decision of the previous step is still in force
+        if self._explained[0] is self._basis:  # the object list is not new, so the last decision stays in force
             return self._explained[1]
         route = self._route
         now = read_situation(route, self._vehicle, observation, tracks, signals)

@@ -23,10 +23,10 @@ from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import near_foes
 
 LEAST_MPS2 = 0.2
-"""Least change of the acceleration by an object or a signal that is a reason, m/s^2. Ours: a tenth of everyday
+"""Smallest change of the acceleration that makes an object or a signal a reason, m/s^2. Ours: a tenth of everyday
 braking."""
 LEAST_M = 0.3
-"""Least change of the lateral position in the lane by an object that is a reason, m."""
+"""Smallest change of the lateral position in the lane that makes an object a reason, m. Ours."""
 
 
 FREE_ROAD = "free road"
@@ -34,20 +34,23 @@ FREE_ROAD = "free road"
 
 
 class Wish(NamedTuple):
-    """A driver's decision: an acceleration, and the offset from the middle of its lane (left positive), m."""
+    """What a driver decides: an acceleration, m/s^2, and the offset from the middle of its lane, m (left positive)."""
 
     acceleration_mps2: float
     offset_m: float = 0.0
 
 
 Decide = Callable[[Tracks, Mapping[str, SignalColour]], Wish]
-"""Returns a driver's decision at the current step for other tracks and colours; it must not change the driver's
-state."""
+"""A function that returns what a driver would decide at the current step with other tracks and colours; it must not
+change the driver's state."""
 
 
 def reasons_alone(now: RoadSituation, tracks: Tracks, decide: Decide) -> tuple[Reason, ...]:
-    """Return the signals and objects that alone make a driver slower or change its place in the lane, the strongest
-    first; `tracks`: the tracks from which `now` was read."""
+    """Return the signals and objects that by themselves make a driver slower or change its place in the lane, the
+    strongest first.
+
+    `tracks`: the tracks from which `now` was read.
+    """
     green: dict[str, SignalColour] = {key: "green" for _, key in now.route.signals}
     empty = only(tracks, None)
     free, real = decide(empty, green), decide(tracks, now.signals)
@@ -63,7 +66,7 @@ def reasons_alone(now: RoadSituation, tracks: Tracks, decide: Decide) -> tuple[R
 def _signals(
     now: RoadSituation, empty: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
 ) -> Iterator[Reason]:
-    """Yield the signals that alone make the driver slower."""
+    """Yield the signals that by themselves make the driver slower."""
     for index, key in now.route.signals:
         alone: dict[str, SignalColour] = {name: c for name, c in green.items() if name != key}
         colour = now.signals.get(key)
@@ -77,7 +80,7 @@ def _signals(
 def _objects(
     now: RoadSituation, tracks: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
 ) -> Iterator[Reason]:
-    """Yield the objects that alone make the driver slower, or change its place in the lane."""
+    """Yield the objects that by themselves make the driver slower, or change its place in the lane."""
     for k in range(len(tracks.table)):
         wish = decide(only(tracks, k), green)
         slower = wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2
@@ -92,7 +95,7 @@ def _objects(
 
 
 def _together(now: RoadSituation, tracks: Tracks, real: Wish, decide: Decide) -> list[Reason]:
-    """Return the objects without which the driver would be faster; they have an effect only together with others."""
+    """Return the objects without which the driver would be faster, but which slow it down only together with others."""
     reasons = []
     for k in range(len(tracks.table)):
         wish = decide(_without(tracks, k), now.signals)
@@ -100,7 +103,7 @@ def _together(now: RoadSituation, tracks: Tracks, real: Wish, decide: Decide) ->
             rule, text = _rule(now, k)
             text = f"{text}, together with others"
             reasons.append(Reason(rule, text, tracks.numbers[k], None, real.acceleration_mps2, _room(now, k)))
-    text = "several objects or signals together; none of them alone, and no single one could be left out"
+    text = "several objects or signals together: none slows it down alone, and leaving out one changes nothing"
     return reasons or [Reason("several", text, acceleration_mps2=real.acceleration_mps2)]
 
 
@@ -109,7 +112,7 @@ def _free(now: RoadSituation, free: Wish) -> Reason:
     if free.acceleration_mps2 >= -LEAST_MPS2:
         return Reason(FREE_ROAD, "no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
     stands = now.ego.speed < cfg.SENSED_STANDS_MPS
-    text = "none of its own proposals may set off" if stands else "for its route: a bend, a limit, or its own lanes"
+    text = "it rejects every proposal to set off" if stands else "for its route: a bend, a limit, or its own lanes"
     return Reason("own plan", f"{text}; no actor and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
 
 
@@ -132,12 +135,14 @@ def situation_of(now: RoadSituation, tracks: Tracks, signals: Mapping[str, Signa
 
 
 def _room(now: RoadSituation, k: int) -> float:
-    """Return the distance from the ego's front to an object along the route, m; 0 beside or behind it."""
+    """Return the distance from the ego's front to an object along the route, m; 0 if the object is beside or behind the
+    front.
+    """
     return max(float(now.actors["s"][k] - now.actors["half_length"][k]) - now.ego.front_s, 0.0)
 
 
 def _rule(now: RoadSituation, k: int) -> tuple[str, str]:
-    """Return the rule that makes the ego react to an object, and its meaning here, in words."""
+    """Return the rule that makes the ego react to an object, and in words what it means here."""
     route, actors, egos = now.route, now.actors[k : k + 1].copy(), now.egos.copy()
     foes = near_foes(egos, route.foes, route.junctions)
     matches = match(actors, foes, route.paths)
@@ -157,13 +162,13 @@ def _rule(now: RoadSituation, k: int) -> tuple[str, str]:
         return "distance", f"{'stands' if stands else moves} ahead in its lane"
     if bool(actors["pedestrian"][0]):
         return "pedestrian", "is about to be in its way"
-    return ("distance", "comes into its lane") if ahead.size else ("collision", "would hit it where both are going")
+    return ("distance", "comes into its lane") if ahead.size else ("collision", "would hit it if both went on")
 
 
 def _priorities(
     now: RoadSituation, egos: Records, actors: Records, foes: Records, matches: Records
 ) -> Iterator[tuple[str, int]]:
-    """Yield the streams in which an actor makes the ego wait: the junction's name, and the stream's index."""
+    """Yield the streams in which an actor makes the ego wait: the name of the junction and the index of the stream."""
     free = np.full(len(now.route.passages), -1.0)
     for f in range(len(foes)):
         foe, with_foe = foes[f : f + 1], np.ascontiguousarray(matches[:, f : f + 1])
@@ -172,7 +177,7 @@ def _priorities(
 
 
 def ego_now(now: RoadSituation) -> Records:
-    """Return a copy of the ego's record [1], into which a decision may write the ego's position."""
+    """Return a copy of the ego's record [1]. A decision writes the ego's position into it."""
     egos = ego_record(now.vehicle)
     egos[:] = now.egos
     return egos

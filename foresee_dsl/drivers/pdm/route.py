@@ -1,5 +1,8 @@
-"""Derives the route of the bundled drivers from their mission: a smooth centreline on a fine grid with a speed profile,
-the junctions, and the paths of the streams that cross or join the ego's route."""
+"""Computes the route of the bundled drivers from their mission.
+
+The route is a smooth centreline on a fine grid with a speed profile, the junctions, and the paths of the streams that
+cross or join the ego's route.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +21,14 @@ from foresee_dsl.kernels.pdm.route import COARSE, GRID_M
 
 BEFORE_M = 40.0
 AFTER_M = 120.0
-"""Lengths of the straight prolongations, so that look-ups need no bounds, m: 4 s at 100 km/h after the end."""
+"""Length by which the route is extended straight ahead at its end, m, so that look-ups need no bounds: 4 s at 100
+km/h."""
 SMOOTH_M = 1.3
 """Standard deviation of the smoothing, m. Ours: it moves an arc with a radius of 6 m inwards by 0.05 m, and turns the
 corners of the lanes' polylines into a curvature that the steering rate can follow."""
 KEPT_ROUTES = 8
-"""Maximum number of cached routes. Ours: a worker runs the mutants of a clip one after the other, with one mission."""
+"""Maximum number of cached routes. Ours: a worker runs the mutants of a clip one after the other, and all have the same
+mission."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ class DriverRoute:
 
 @dataclass(frozen=True)
 class _Task:
-    """A mission for a vehicle; two tasks are equal if a driver would see no difference."""
+    """A mission together with a vehicle; two tasks are equal if a driver would see no difference."""
 
     content: tuple[object, ...]
     vehicle: VehicleLimits
@@ -80,7 +85,8 @@ class _Task:
 
 
 def build_route(mission: Mission, vehicle: VehicleLimits) -> DriverRoute:
-    """Return the route of a mission, a function of mission and vehicle only, so that a restarted driver gets the same.
+    """Return the route of a mission. It depends on mission and vehicle only, so that a driver that is started again
+    gets the same.
 
     The last `KEPT_ROUTES` routes are cached: a clip and its mutants have the same mission, up to its end.
     """
@@ -145,7 +151,7 @@ def _coarse(columns: dict[str, FloatArray]) -> FloatArray:
 
 
 def _smooth(values: FloatArray) -> FloatArray:
-    """Return values averaged with a Gaussian of `SMOOTH_M`; both ends are prolonged straight."""
+    """Return values averaged with a Gaussian of `SMOOTH_M`; both ends are extended in a straight line before that."""
     reach = int(4 * SMOOTH_M / GRID_M)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * GRID_M / SMOOTH_M) ** 2)
     padded = np.pad(values, reach, mode="reflect", reflect_type="odd")
@@ -158,7 +164,8 @@ def _speed_profile(limit: FloatArray, curvature: FloatArray, vehicle: VehicleLim
     lateral = min(cfg.LATERAL_COMFORT_MPS2, friction)
     braking = min(cfg.PROFILE_BRAKING_MPS2, friction)
     squared = np.minimum(limit**2, lateral / np.maximum(np.abs(curvature), 1e-6))
-    # min over all later points of (their v^2 + 2 b distance), as a running minimum from the end.
+    # The smallest value, over all later points, of (their v^2 + 2 b distance), computed as a running minimum from the
+    # end.
     ramp = 2.0 * braking * GRID_M * np.arange(len(squared))
     return np.asarray(np.sqrt(np.minimum.accumulate((squared + ramp)[::-1])[::-1] - ramp))
 
@@ -174,7 +181,8 @@ def _foes_and_paths(passages: tuple[JunctionPassage, ...]) -> tuple[Records, Rec
             paths.append(points)
             first += len(points)
     together = np.empty(first, PATH_POINT)
-    np.concatenate(paths, out=together)  # without `out` its dtype would be a new object, which takes numba 100 us
+    # Without `out`, the dtype would be a new object, which takes numba 100 us to look up.
+    np.concatenate(paths, out=together)
     return np.array(foes, FOE), together
 
 
@@ -182,10 +190,13 @@ def _bytes_of(path: FloatArray) -> bytes:
     return np.ascontiguousarray(path, dtype=np.float64).tobytes()
 
 
-@lru_cache(maxsize=512)  # a town's junctions: their lanes are the same in every run
+@lru_cache(maxsize=512)  # cached: the lanes of a town's junctions are the same in every run
 def _even_path(path: bytes, pedestrian: bool) -> tuple[Records, float, float]:
-    """Return a path's points on an even grid, prolonged straight at both ends (crossings are not), the length of the
-    prolongation before it, and its own length, m."""
+    """Return a path's points on an even grid, the length of the extension before the path, and the path's own length,
+    m.
+
+    Both ends are extended in a straight line, except those of a crossing.
+    """
     points = np.frombuffer(path).reshape(-1, 2)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     keep = np.concatenate([[True], np.diff(lengths) > 1e-6])
@@ -201,7 +212,7 @@ def _even_path(path: bytes, pedestrian: bool) -> tuple[Records, float, float]:
 
 
 def _prolonged(at_s: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
-    """Return values interpolated at lengths, extrapolated in a straight line at both ends."""
+    """Return values interpolated at lengths along a path; beyond both ends they are extrapolated in a straight line."""
     first = (values[1] - values[0]) / (s[1] - s[0])
     last = (values[-1] - values[-2]) / (s[-1] - s[-2])
     beyond = np.minimum(at_s - s[0], 0.0) * first + np.maximum(at_s - s[-1], 0.0) * last

@@ -49,7 +49,7 @@ def read_situation(
     tracks: Tracks | None = None,
     signals: Mapping[str, SignalColour] | None = None,
 ) -> RoadSituation:
-    """Read an observation of this step.
+    """Return the situation of this step, read from an observation.
 
     `tracks`: the tracked others; None: those of a new tracker on this observation. `signals`: the known colours; None:
     those of the observation.
@@ -91,7 +91,7 @@ def ego_record(vehicle: VehicleLimits) -> Records:
 
 
 def write_state(numbers: FloatArray, state: EgoState) -> None:
-    """Write the vehicle's current state into its record; `numbers`: the record's view as floats.
+    """Write the vehicle's current state into its record; `numbers`: the view of that record as floats.
 
     One assignment to the view takes a third of the time of five assignments to fields.
     """
@@ -99,7 +99,7 @@ def write_state(numbers: FloatArray, state: EgoState) -> None:
 
 
 def signal_brakings(route: DriverRoute, strongest_mps2: float, signals: Mapping[str, SignalColour]) -> FloatArray:
-    """Return `signal_braking` of each junction, [J] m/s^2, negative where the ego may go."""
+    """Return `signal_braking` of each junction, [J] m/s^2; it is negative where the ego may go."""
     braking = [-1.0] * len(route.passages)
     for k, _ in route.signals:
         wish = signal_braking(route.passages[k], strongest_mps2, signals)
@@ -111,9 +111,9 @@ def signal_brakings(route: DriverRoute, strongest_mps2: float, signals: Mapping[
 def signal_braking(
     passage: JunctionPassage, strongest_mps2: float, signals: Mapping[str, SignalColour]
 ) -> float | None:
-    """Return the braking up to which the ego stops at a junction's line, m/s^2; None: the signal lets it go.
+    """Return the braking up to which the ego stops at a junction's line, m/s^2; None if the signal lets it go.
 
-    For a signal that it does not see it is ready to stop.
+    At a signal that it does not see, the ego is ready to stop.
     """
     if passage.signal is None:
         return None

@@ -43,8 +43,10 @@ def steer(egos: Records, route: Records, offset: float) -> float:
 
 @compiled(r.EGOS, FLOAT, FLOAT)
 def pedals(egos: Records, angle: float, acceleration: float) -> tuple[float, float, float]:
-    """Return steering, throttle and brake, as shares of their maximum, for a wheel angle and an acceleration; the brake
-    holds a standing car that should not accelerate."""
+    """Return steering, throttle and brake, as shares of their maximum, for a wheel angle and an acceleration.
+
+    The brake holds a standing car that should not accelerate.
+    """
     ego = egos[0]
     steering_share = angle / ego["steer_max"]
     if ego["speed"] < cfg.COAST_MPS and acceleration <= 0.0:
@@ -56,8 +58,10 @@ def pedals(egos: Records, angle: float, acceleration: float) -> tuple[float, flo
 
 @inner
 def _follow(egos: Records, route: Records, offset: float, acceleration: float) -> tuple[float, float, float]:
-    """Return steering, throttle and brake for an offset (m) and an acceleration; except for hard braking, the latter is
-    kept near the current one (the drivetrain's lag does the rest)."""
+    """Return steering, throttle and brake for an offset (m) and an acceleration.
+
+    Except for hard braking, the acceleration is kept near the current one; the lag of the drivetrain does the rest.
+    """
     ego = egos[0]
     if acceleration >= -cfg.BRAKING_MPS2:
         now = ego["acceleration"] if ego["speed"] > cfg.COAST_MPS else 0.0
@@ -103,8 +107,8 @@ def decide(
 ) -> tuple[float, float, tuple[float, float, float]]:
     """Choose the best proposal: its offset, m, its acceleration, and steering, throttle and brake for them.
 
-    Fills in the ego's position on the route. `coarse`: see `locate`; `braking`: see `find_wall`;
-    `futures`: see `know`, without actors for the driver's own prediction.
+    Fills in the ego's position on the route. `coarse`: see `locate`; `braking`: see `find_wall`; `futures`: see `know`;
+    an array without actors means the driver's own prediction.
     """
     place_ego(egos, route, coarse)
     actors = np.empty(len(tracks), ACTOR)

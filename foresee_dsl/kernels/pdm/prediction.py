@@ -24,8 +24,8 @@ STEEPEST_BEND = 0.6
 of the bend, where the route's coordinates end."""
 CREEP_MPS = 4.0
 CREEP_BRAKING_MPS2 = 2.0
-"""Maximum speed and braking of a vehicle that creeps while it waits for the ego inside a junction, and is expected to
-stop. Ours."""
+"""Maximum speed, m/s, and braking, m/s^2, of a vehicle that creeps while it waits for the ego inside a junction, and is
+expected to stop. Ours."""
 FOE_COSINE = math.cos(cfg.FOE_HEADING_RAD)
 
 
@@ -76,8 +76,10 @@ def _nearest_foe(matches: Records, pedestrian: bool) -> int:
 
 @inner
 def _stopping_point(entry: float, conflict: float, front_s: float, speed: float) -> float:
-    """Return the expected stopping point of an actor that must give way: the entry, else (if it creeps) the conflict;
-    infinite if it is not expected to stop."""
+    """Return where an actor that must give way is expected to stop; infinite if it is not expected to stop.
+
+    That is the entry of the junction or, if the actor creeps, the conflict.
+    """
     if front_s < entry and speed * speed <= 2 * cfg.FOE_STOPS_MPS2 * (entry - front_s):
         return entry
     if front_s < conflict and speed < CREEP_MPS and speed * speed <= 2 * CREEP_BRAKING_MPS2 * (conflict - front_s):
@@ -119,7 +121,7 @@ def _straight(actor: np.void, out: Records) -> None:
     rate = actor["speeds_up"] if speed > cfg.COAST_MPS else 0.0
     for n in range(FRAMES):
         t, predicted = TIMES_S[n], out[n]
-        grows = rate * (t * t) / 4  # half the distance by which the front may run ahead
+        grows = rate * (t * t) / 4  # half the distance by which the front may be ahead of the prediction
         distance = speed * t + grows
         predicted["x"], predicted["y"] = x + distance * cos, y + distance * sin
         predicted["cos"], predicted["sin"], predicted["half_length"] = cos, sin, half + grows
@@ -185,7 +187,9 @@ def predict(egos: Records, actors: Records, foes: Records, paths: Records, match
 
 @compiled(r.EGOS, r.ACTORS, CUBE, r.ROUTE, r.PREDICTION)
 def know(egos: Records, actors: Records, futures: FloatArray, route: Records, out: Records) -> None:
-    """Replace predictions, [A, T], by what the actors will do, [A, T, 4] x, y, heading, speed (NaN: unknown)."""
+    """Replace predictions, [A, T], by the true future motion of the actors, [A, T, 4] x, y, heading, speed (NaN:
+    unknown).
+    """
     certain = np.zeros(len(actors), dtype=np.bool_)
     for a in range(len(actors)):
         certain[a] = not np.isnan(futures[a, 0, 0])

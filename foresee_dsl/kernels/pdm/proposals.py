@@ -16,8 +16,8 @@ from foresee_dsl.kernels.pdm.route import GRID_M, grid_point, least_room, profil
 
 FAR_M = 1e4
 QUEUE_OFFSET_M = 0.6
-"""Distance from the lane's middle from which a standing vehicle is parked, m; nearer to the middle, before a stop line,
-it waits in a queue. Ours."""
+"""A standing vehicle at least this far from the lane's middle is parked, m; one nearer to the middle, before a stop
+line, waits in a queue. Ours."""
 QUEUE_REACH_M = 60.0
 """Assumed length of a queue before a stop line, m. Ours."""
 MOST_PASSED = 2
@@ -82,7 +82,7 @@ def to_cm(value: float) -> float:
     """Round to two decimals as Python's `round`: the exact value decides, not a rounded product."""
     product = value * 100.0
     high = _SPLIT * value - (_SPLIT * value - value)
-    missing = (high * 100.0 - product) + (value - high) * 100.0  # product + missing is exact (Dekker)
+    missing = (high * 100.0 - product) + (value - high) * 100.0  # product + missing is exact (Dekker's product)
     whole: float = np.floor(product)
     beyond = (product - whole - 0.5) + missing
     if beyond > 0.0 or (beyond == 0.0 and whole % 2.0 == 1.0):
@@ -92,8 +92,9 @@ def to_cm(value: float) -> float:
 
 @compiled(r.EGOS, r.ACTORS, r.ROUTE)
 def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
-    """Return the lateral offsets to evaluate, [O]: the middle of the lane, PDM's other offsets, and offsets that pass
-    parked actors."""
+    """Return the lateral offsets to evaluate, [O]: the middle of the lane, PDM's other offsets, and those that pass
+    parked actors.
+    """
     ego = egos[0]
     left, right = least_room(route, ego["s"], ego["s"] + max(20.0, 2 * ego["forward"]))
     half = ego["width"] / 2 + cfg.LANE_MARGIN_M
@@ -106,7 +107,8 @@ def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
         actor = actors[blocking[k]]
         beside, road = actor["half_width"] + ego["width"] / 2 + cfg.PASS_CLEARANCE_M, route[actor["point"]]
         left, right, d = road["left"] - half, road["right"] - half, actor["d"]
-        # Also the edges of the lanes: for a standing ego only the larger offset turns the wheels far enough.
+        # The edges of the lanes are added as well: for a standing ego, only the larger offset turns the wheels far
+        # enough.
         if -right <= d + beside <= left:
             count = _add_offset(d + beside, offsets, count)
         if -right <= d - beside <= left:
@@ -150,8 +152,11 @@ _SHARES = len(cfg.SPEED_SHARES)
 
 @compiled(FLOAT, FLOAT, FLOAT)
 def decay_length(speed: float, error: float, sharpest: float) -> float:
-    """Return the length over which a lateral error decays (critically damped), m: longer for larger errors, so that the
-    lateral acceleration stays below `OFFSET_LATERAL_MPS2` and the curvature below the limit of the wheels."""
+    """Return the length over which a lateral error decays (critically damped), m.
+
+    It is longer for larger errors, so that the lateral acceleration stays below `OFFSET_LATERAL_MPS2` and the curvature
+    below the limit of the wheels.
+    """
     size = abs(error)
     comfort = speed * max(cfg.TRACK_TIME_S, math.sqrt(size / cfg.OFFSET_LATERAL_MPS2))
     return max(comfort, math.sqrt(size / sharpest), cfg.TRACK_LENGTH_M)
@@ -159,15 +164,18 @@ def decay_length(speed: float, error: float, sharpest: float) -> float:
 
 @inner
 def allowed_speeds(ego: np.void, route: Records, wall_s: float) -> FloatArray:
-    """Return the allowed speeds from the ego's position on, `GRID_M` apart: the route's profile, and a stop before a
-    wall (infinite: no wall) with everyday braking, or with the braking that is needed."""
+    """Return the allowed speeds from the ego's position on, `GRID_M` apart.
+
+    They are those of the route's profile, and of a stop before a wall (infinite: no wall) with everyday braking, or
+    with harder braking if that is needed.
+    """
     braking, room, speed = cfg.PROFILE_BRAKING_MPS2, wall_s - ego["front"] - ego["s"], ego["forward"]
     if room < cfg.HOLD_M and speed < cfg.HOLD_MPS:
         room = 0.0
     if room > 0 and room < np.inf:
         braking = min(max(braking, speed * speed / (2 * room)), ego["strongest"])
     from_s = ego["s"]
-    step = (from_s + GRID_M) - from_s  # the step that numpy's arange uses
+    step = (from_s + GRID_M) - from_s  # the step with which numpy's arange computes
     allowed = np.empty(int(np.ceil((from_s + ego["forward"] * cfg.HORIZON_S + 16.0 - from_s) / GRID_M)))
     for i in range(len(allowed)):
         most = profile_at(route, from_s + i * step)
@@ -225,8 +233,8 @@ def _longitudinal(
             ratio = speed / (limit * share)
             ratio *= ratio
             ratio *= ratio
-            # At least the braking that the profile needs; for a lower share of the speed alone only comfortable
-            # braking.
+            # The braking is at least that which the profile needs; to drive at a lower share of the speed, it is at
+            # most comfortable.
             a = min(max(top - top * ratio, -cfg.BRAKING_MPS2), (limit - speed) * (1.0 / cfg.PROFILE_PREVIEW_S))
             if led:
                 leader = leaders[which[p], k]

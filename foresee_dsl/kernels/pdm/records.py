@@ -99,8 +99,11 @@ class RoutePoint(NamedTuple):
 
 
 class JunctionRecord(NamedTuple):
-    """A junction on the route: s of its stop line, of its exit, and of its end for the ego (the exit, or the end of its
-    last conflict). `crossed`: whether other vehicles cross the ego's route."""
+    """A junction on the route, with lengths along the route.
+
+    It has the length of its stop line, of its exit, and of its end for the ego (the exit, or the end of its last
+    conflict). `crossed`: whether other vehicles cross the ego's route.
+    """
 
     stop_s: float
     exit_s: float

@@ -36,7 +36,7 @@ def _signal_wall(egos: Records, stop_s: float, braking: float) -> float:
     if braking < 0.0 or front_s > stop_s + cfg.STOP_MARGIN_M:
         return np.inf
     if front_s > stop_s - cfg.STOP_MARGIN_M and egos[0]["speed"] < cfg.SENSED_STANDS_MPS:
-        return float(front_s)  # it stands at the line or just beyond it, and stays there
+        return float(front_s)  # the ego stands at the line or just beyond it, and stays there
     return stop_s - cfg.STOP_MARGIN_M if stops_before(egos, stop_s, braking) else np.inf
 
 
@@ -55,7 +55,7 @@ def _queue_end(ego: np.void, actors: Records) -> float:
 
 @inner
 def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
-    """Return the stop before the line if a queue beyond the junction leaves the ego no room; infinite: it may go."""
+    """Return the stop before the line if a queue beyond the junction leaves the ego no room; infinite if it may go."""
     ego, stop_s = egos[0], float(junction["stop_s"])
     stop, length = stop_s - cfg.STOP_MARGIN_M, ego["front_s"] - ego["rear_s"]
     full = stop_s < queue_end_s < junction["exit_s"] + length + cfg.MINIMUM_GAP_M
@@ -76,7 +76,8 @@ def _yield_wall(
     nearest, length = np.inf, ego["front_s"] - ego["rear_s"]
     arrival = arrivals(ego, route, until_s)
     wait, last = -np.inf, -np.inf
-    for n in range(len(ahead)):  # conflicts without room for the ego between them share the waiting place of the first
+    # Conflicts that have no room for the ego between them share the waiting place of the first one.
+    for n in range(len(ahead)):
         f = ahead[n]
         first, until = foes[f]["own_s"], foes[f]["own_until_s"]
         if first - last > length + cfg.YIELD_MARGIN_M:
@@ -85,7 +86,7 @@ def _yield_wall(
         if not _must_wait(ego, actors, foes[f], matches[:, f], arrival, wait):
             continue
         braking = ego["strongest"] if foes[f]["walking"] else cfg.YIELD_BRAKING_MPS2
-        # At `wait` it blocks no other conflict; if it is beyond `wait`, it waits right before this conflict.
+        # At `wait` the ego blocks no other conflict; if it is beyond `wait`, it waits right before this conflict.
         for place in (wait, first - cfg.YIELD_MARGIN_M):
             margin_s = place + cfg.STOP_MARGIN_M
             if ego["front_s"] <= margin_s and stops_before(egos, margin_s, braking):
@@ -96,8 +97,10 @@ def _yield_wall(
 
 @inner
 def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tuple[IntArray, float, bool]:
-    """Return the indices of a junction's streams with priority and a conflict ahead, in their order along the route;
-    the end of the last conflict; and whether an actor is on one of their paths."""
+    """Return the streams of a junction with priority and a conflict ahead, in their order along the route.
+
+    The other two values are the end of the last conflict, and whether an actor is on one of their paths.
+    """
     ahead, count, until_s, any_actor = np.empty(len(foes), dtype=np.int64), 0, -np.inf, False
     for f in range(len(foes)):
         if foes[f]["junction"] != junction or not foes[f]["has_priority"]:
@@ -145,7 +148,9 @@ def _must_wait(ego: np.void, actors: Records, foe: np.void, matches: Records, ar
 
 @inner
 def _walker_window(foe: np.void, s: float, speed: float) -> tuple[float, float]:
-    """Return the interval in which a pedestrian is on (or about to step on) the ego's lane, s; (inf, -inf): never."""
+    """Return the interval of time in which a pedestrian is on (or about to step on) the ego's lane, s; (inf, -inf) if
+    never.
+    """
     first, last = foe["meets"] - cfg.PEDESTRIAN_AIR_M, foe["leaves"] + cfg.PEDESTRIAN_AIR_M
     if speed < 0:  # the pedestrian walks against the path's direction: mirror
         s, first, last, speed = -s, -last, -first, -speed
@@ -161,7 +166,7 @@ def _walker_window(foe: np.void, s: float, speed: float) -> tuple[float, float]:
 def _vehicle_window(
     foe: np.void, rear_s: float, front_s: float, speed: float, starting: bool, limit_mps: float
 ) -> tuple[float, float]:
-    """Return the interval in which a vehicle is in the conflict zone, s; (inf, -inf): never.
+    """Return the interval of time in which a vehicle is in the conflict zone, s; (inf, -inf) if never.
 
     It is assumed to accelerate up to the limit until it arrives, and to leave with its current speed.
     """
@@ -183,8 +188,10 @@ def _vehicle_window(
 
 @inner
 def arrivals(ego: np.void, route: Records, last_s: float) -> Arrival:
-    """Return the times at which the ego could reach places up to `last_s` plus its own length; the profile applies to
-    the middle of the car."""
+    """Return the times at which the ego could reach places up to `last_s` plus its own length.
+
+    The profile applies to the middle of the car.
+    """
     first_s, length = ego["front_s"], ego["front_s"] - ego["rear_s"]
     end_s = last_s + length + 2 * PROFILE_STEP_M
     step = (first_s + PROFILE_STEP_M) - first_s  # the step that numpy's arange uses
@@ -237,6 +244,6 @@ def find_wall(
         if stop == np.inf:
             stop = _queue_wall(egos, junctions[k], queue_end_s)
         if stop < np.inf:
-            return min(nearest, stop)  # junctions beyond it have no effect now
+            return min(nearest, stop)  # junctions beyond the wall have no effect now
         nearest = min(nearest, _yield_wall(k, egos, actors, foes, matches, route))
     return nearest

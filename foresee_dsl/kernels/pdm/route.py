@@ -114,7 +114,7 @@ def _nearest_coarse(x: float, y: float, cos: float, sin: float, coarse: FloatArr
         if cost < least:
             k, least = i, cost
         ahead = (math.sqrt(square) - reach) / spacing
-        i += int(min(ahead, float(count))) if ahead > 1.0 else 1  # 1 for a NaN
+        i += int(min(ahead, float(count))) if ahead > 1.0 else 1  # 1 also for NaN
     return k
 
 
@@ -128,7 +128,7 @@ def locate(x: float, y: float, heading: float, route: Records, coarse: FloatArra
     `coarse`: see `_nearest_coarse`.
     """
     k = _nearest_coarse(x, y, math.cos(heading), math.sin(heading), coarse) * COARSE
-    for _ in range(2):  # with the tangent at the coarse point, then with that at the resulting point
+    for _ in range(2):  # first with the tangent at the coarse point, then with that at the resulting point
         at = route[k]
         along = (x - at["x"]) * at["cos"] + (y - at["y"]) * at["sin"]
         k = min(max(k + int(np.rint(along / GRID_M)), 0), len(route) - 1)
@@ -208,10 +208,11 @@ OWN_LANE_M = 1.2
 """Distance from the centreline within which an aligned actor is in the ego's lane, even if a crossing stream's path
 runs there too, m. Ours."""
 BRAKING_ALREADY_MPS2 = -1.0
-"""Acceleration below which the ego has decided to stop and keeps to it, m/s^2; so the decision needs no memory.
-Ours."""
+"""Acceleration below which the ego has decided to stop, and sticks to that decision, m/s^2; so the decision needs no
+memory. Ours."""
 BRAKING_ALREADY_FACTOR = 1.5
-"""Factor on the braking that it then accepts before it drives on. Ours: covers the lag of the brakes."""
+"""Factor on the braking that the ego then accepts before it drives on after all. Ours: it makes up for the lag of the
+brakes."""
 LEAST_REACH_M = 30.0
 ALIGNED_COSINE = math.cos(cfg.ALIGNED_RAD)
 

@@ -152,7 +152,7 @@ def rate(
                 collides[p] = t
         brakes = p >= len(points) - BRAKING
         allowed = collides[p] == frames and (brakes or _keeps_lanes(rolled[p], route, half))
-        points[p] = 0.0 if allowed else -1.0  # 0: scored below, when `best` has been computed
+        points[p] = 0.0 if allowed else -1.0  # 0 here; these points are computed below, when `best` is known
         if allowed:
             best = max(best, rolled[p, frames - 1]["s"] - rolled[p, 0]["s"])
     for p in range(len(points)):

@@ -14,7 +14,7 @@ LATERAL_OFFSETS_M = (0.0, 1.0, -1.0)
 """Lateral offsets from the lane's middle, m: PDM, section 3; here limited to the free width."""
 HORIZON_S = 4.0
 ROLLOUT_STEP_S = 0.1
-"""PDM, section 3: 4 s at 10 Hz."""
+"""Time step of the roll-outs, s (PDM, section 3: 4 s at 10 Hz)."""
 ACCELERATION_STEP_S = 0.2
 """Time for which the IDM's acceleration stays constant in the roll-out, s. Ours: two frames, which halves the cost of
 the most expensive part."""
@@ -25,7 +25,8 @@ every light."""
 HEADWAY_S = 1.5
 ACCELERATION_MPS2 = 1.5
 BRAKING_MPS2 = 3.0
-"""PDM's configuration of the IDM; table I of the IDM has T 1.6 s, a 0.73, b 1.67 for motorways."""
+"""Headway, s, acceleration and comfortable braking, m/s^2, of the IDM: PDM's configuration. Table I of the IDM has T
+1.6 s, a 0.73, b 1.67 for motorways."""
 KINEMATIC_FACTOR = 1.0
 """The IDM's braking is limited to the larger of `BRAKING_MPS2` and this factor times closing speed^2 / gap. Ours: twice
 the braking needed at constant speed; the plain IDM brakes with 8 m/s^2 for a slower car that cuts in 10 m ahead, where
@@ -54,7 +55,8 @@ COAST_MPS = 0.1
 """Speed below which a car stands, m/s. Ours."""
 HOLD_M = 1.0
 HOLD_MPS = 0.3
-"""Distance to a stop line and speed below which the ego stays there and does not creep to the line. Ours."""
+"""The ego stays where it is, and does not creep to a stop line, if its distance to the line, m, and its speed, m/s, are
+below these. Ours."""
 
 # --- prediction -------------------------------------------------------------------------------------------------
 ALIGNED_RAD = 0.52
@@ -67,8 +69,8 @@ DRIFT_DEADBAND_RAD = 0.035
 of the lanes."""
 FOE_REACH_M = 1.5
 FOE_HEADING_RAD = 0.785
-"""Distance and angle to a foe's path within which an actor is on it. Ours: 1.5 m (half a lane is 1.6 m) and 45
-degrees."""
+"""An actor within this distance, m, and this angle, rad, of a foe's path is on it. Ours: 1.5 m (half a lane is 1.6 m)
+and 45 degrees."""
 FOE_EXTENSION_M = 60.0
 """Length of the straight prolongation before a foe's path, m. Ours: at 50 km/h a gap of 5 s is 70 m, and the path has
 60 m."""
@@ -117,13 +119,13 @@ m."""
 PROGRESS_WEIGHT = 5.0
 TTC_WEIGHT = 5.0
 COMFORT_WEIGHT = 2.0
-"""PDM and nuPlan's closed-loop score."""
+"""Weights of progress, time to collision and comfort in the score: those of PDM and nuPlan's closed-loop score."""
 CLEARANCE_WEIGHT = 2.0
 CENTRING_WEIGHT = 1.0
-"""Ours: a 10 % gain of progress (0.5) outweighs one metre of offset (0.33)."""
+"""Weight of centring in the score. Ours: a 10 % gain of progress (0.5) outweighs one metre of offset (0.33)."""
 CENTRING_SCALE_M = 3.0
 TTC_S = 0.95
-"""nuPlan: least time to collision."""
+"""Smallest time to collision that a proposal may have, s (nuPlan)."""
 CLEARANCE_M = 0.4
 PEDESTRIAN_CLEARANCE_M = 0.8
 """Lateral clearance below which a proposal loses clearance points, m. Ours."""
@@ -131,7 +133,7 @@ COLLISION_MARGIN_M = 0.15
 """Margin added to footprints, m. Ours: tracking errors measured in the tests are below 0.15 m on straights."""
 COMFORT_BRAKING_MPS2 = 4.05
 COMFORT_LATERAL_MPS2 = 4.89
-"""nuPlan's comfort bounds."""
+"""Bounds of comfortable braking and lateral acceleration, m/s^2: those of nuPlan."""
 EMERGENCY_S = 2.0
 """Time to the collision of the best proposal below which PDM brakes in emergency, s."""
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class BuildOutcome(StrEnum):
-    """How a test result counts: `failed`: the software under test failed; `error`: it could not be tested."""
+    """How a test result counts. `failed`: the software under test failed; `error`: it could not be tested."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -38,7 +38,7 @@ class BuildOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class ReportPlace:
-    """The line at which a result is shown; `span` is None if it is shown for the whole file."""
+    """The line of a file at which a result is shown; `span` is None if the result is shown for the whole file."""
 
     path: str
     span: Span | None = None
@@ -72,7 +72,7 @@ class CaseResult:
 
     @property
     def text(self) -> str:
-        """The whole result as text of several lines: message, details, place and the command that repeats it."""
+        """Return the whole result as text of several lines: message, details, place and the command that repeats it."""
         place = self.place.path if self.place.span is None else f"{self.place.path}:{self.place.span.line}"
         where = f"{place}: {self.place.source_line.strip()}" if self.place.source_line else place
         again = (f"reproduce: {self.reproduce}",) if self.reproduce else ()
@@ -97,7 +97,8 @@ def _of(
 ) -> CaseResult:
     """Return the result of a run of a test case or child.
 
-    `broken`: a sentence for each broken expectation. They fail a run whose verdict is `pass`; its `reason` states them.
+    `broken`: a sentence for each broken expectation. Such expectations fail a run whose verdict is `pass`, and its
+    `reason` states them.
     """
     suite, reason = address.partition("::")[0], reason or verdict.label
     if verdict is Verdict.PASS and broken:
@@ -220,13 +221,13 @@ def place_of(address: str, text: str | None = None) -> ReportPlace:
         return ReportPlace(path)
     lines = document.text.split("\n")
     source_line = lines[span.line - 1] if span.line <= len(lines) else ""
-    if span.end_line != span.line:  # of a block, only the first line is shown
+    if span.end_line != span.line:  # a span over several lines is shown at its first line
         span = Span(span.line, span.column, span.line, len(source_line) + 1)
     return ReportPlace(path, span, source_line)
 
 
 def _at_line(place: ReportPlace, line: int | None) -> ReportPlace:
-    """Return a mutant's place unchanged; for another file, the line that states what is expected."""
+    """Return the place of a mutant unchanged; for another file, return the line that states the expected result."""
     if line is None or kind_of(Path(place.path)) == "mutant":
         return place
     text = read_outside_text(Path(place.path)).splitlines()[line - 1]
@@ -282,7 +283,7 @@ def _could_not_run(what: str) -> CaseResult:
 
 
 def _details(run: CaseRunOutcome | ChildOutcome) -> tuple[str, ...]:
-    """Return lines on a failure: its story, the judgements of the careful drivers, the drivers that avoid it."""
+    """Return lines about a failure: its story, the judgements of the careful drivers, and the drivers that avoid it."""
     sentence = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
     judged = (f"{judgement.name}: {judgement.answer}: {judgement.why}" for judgement in run.judgements)
     avoided = (f"avoided: {other.sentence}" for other in run.avoided)

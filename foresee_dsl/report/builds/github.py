@@ -25,7 +25,8 @@ def _command(diagnostic: Diagnostic, codes: Mapping[str, Code]) -> str:
             ("endLine", diagnostic.span.end_line),
             ("col", diagnostic.span.column),
         ]
-        if diagnostic.span.line == diagnostic.span.end_line:  # GitHub accepts a last column only within one line
+        # GitHub accepts a last column only if the place is within one line.
+        if diagnostic.span.line == diagnostic.span.end_line:
             properties.append(("endColumn", diagnostic.span.end_column))
     properties.append(("title", f"{diagnostic.code} {code.title}" if code is not None else diagnostic.code))
     escaped = ((name, _data(str(value)).replace(":", "%3A").replace(",", "%2C")) for name, value in properties)

@@ -21,7 +21,7 @@ _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 
 @dataclass(frozen=True)
 class _Suite:
-    """The results of one file."""
+    """The results of one file, as a test suite of JUnit."""
 
     name: str
     class_name: str
@@ -41,17 +41,17 @@ class _Suite:
 
 
 def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[tuple[str, str]] = ()) -> str:
-    """Return one XML document: a test suite for each file; times are simulated seconds.
+    """Return an XML document with a test suite for each file; times are simulated seconds.
 
-    `name`: the command. `properties`: names and values that each suite repeats, such as the driver.
-    # What XML cannot hold is written out, such as the escape character of a terminal's colours.
+    `name`: the command. `properties`: names and values that each suite repeats, such as the driver. # What XML cannot
+    hold is written out, such as the escape character of a terminal's colours.
     """
     by_suite = sorted(results, key=lambda result: result.suite)
     suites = [_Suite(suite, _class_name(suite), tuple(members))
               for suite, members in groupby(by_suite, key=lambda result: result.suite)]  # fmt: skip
     total = _Suite("", "", tuple(results))
     text = rendered("report/junit.xml", name=name, suites=suites, properties=properties, total=total)
-    # What XML cannot hold is written out, such as the escape character of a terminal's colours.
+    # Characters that XML cannot contain are written as escapes, such as the escape character of a terminal's colours.
     return _NO_XML.sub(lambda match: f"\\x{ord(match.group()):02x}", text)
 
 

@@ -1,4 +1,4 @@
-"""The tests of the pytest plugin: lists the tests of a file, and runs and judges one of them."""
+"""The tests of the pytest plugin: it lists the tests of a file, and runs and judges one of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import tell
 
 Sections = tuple[tuple[str, str], ...]
-"""Titles and texts of the sections of a test's report."""
+"""Titles and texts of the sections in a test's report."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, S
 
 
 def drive(test: SuiteTest, options: DriveOptions) -> tuple[CaseResult, Sections]:
-    """Run a test once and return its result: the run must end as the file expects, or pass if it expects nothing.
+    """Run a test once and return its result: the run must end as the file expects, or pass if the file expects nothing.
 
     Raises:
         InputError: the file has errors, or an edit of its parent changes the test.
@@ -78,7 +78,7 @@ def drive(test: SuiteTest, options: DriveOptions) -> tuple[CaseResult, Sections]
     else:
         refuse_programs(
             [(test.driver, test.file)],
-            "--foresee-run-programs starts what the files say, --foresee-driver names another driver",
+            "--foresee-run-programs starts the programs that the files name; --foresee-driver chooses another driver",
             unless=options.run_programs,
         )
     driver = options.driver or test.driver
@@ -103,18 +103,23 @@ def drive(test: SuiteTest, options: DriveOptions) -> tuple[CaseResult, Sections]
 
 
 def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
-    """Return the test case; with a note if its parent was edited in a way that does not change it."""
+    """Return the test case of a test, and a note if its parent was edited in a way that does not change it."""
     try:
         return load_test_case(test.address, allow_outside=allow_outside), ""
     except InputError:
         if test.case is not None or reached([test.file]).get(test.file) != "":
             raise
-        note = "its parent was edited, and the edit does not reach it: `foresee repin --write` writes the new pins"
+        note = (
+            "its parent was edited, but the edit does not change this test: `foresee repin --write` records the "
+            "parent's new state"
+        )
         return load_test_case(test.address, allow_outside=allow_outside, check_pin=False), note
 
 
 def _judged(test: SuiteTest, case_result: CaseResult, result: RunResult, driver: str) -> CaseResult:
-    """Return the result as `foresee verify` counts it, if `verify` would run the test."""
+    """Return the result as `foresee verify` counts it, if `verify` would run the test; otherwise return it
+    unchanged.
+    """
     version = str(result.trace.meta.get("driver_version", ""))
     expected = expected_in(test.stated, test.case, names_of(driver, version), test.origin)
     if expected is None and not test.verified:
@@ -122,7 +127,7 @@ def _judged(test: SuiteTest, case_result: CaseResult, result: RunResult, driver:
     status = judge(expected, Ending.of(result))
     if status is Status.AS_EXPECTED:
         return replace(case_result, outcome=BuildOutcome.PASSED, rule=status.value, details=())
-    was = f"{driver} {in_words(expected)}" if expected is not None else f"nothing is recorded for {driver}"
+    was = f"{driver} {in_words(expected)}" if expected is not None else f"the file records no result of {driver}"
     return replace(
         case_result,
         outcome=BuildOutcome.ERROR if status is Status.CRASHED else BuildOutcome.FAILED,

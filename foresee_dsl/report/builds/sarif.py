@@ -30,7 +30,7 @@ def to_sarif(diagnostics: Sequence[Diagnostic], codes: Mapping[str, Code]) -> _J
     run: _Json = {
         "tool": {"driver": driver},
         "columnKind": "utf16CodeUnits",
-        "originalUriBaseIds": {_BASE: {"description": {"text": "the folder in which foresee was called"}}},
+        "originalUriBaseIds": {_BASE: {"description": {"text": "the folder from which foresee was called"}}},
         "results": results,
     }
     return {"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}
@@ -63,7 +63,7 @@ def _result(diagnostic: Diagnostic, rules: Sequence[str], seen: Counter[str]) ->
 
 
 def _artifact(path: str) -> _Json:
-    """Return a path as a URI, relative to the working folder if it lies in it."""
+    """Return a path as a URI, relative to the working folder if the file lies in it."""
     absolute = Path(path).absolute()
     try:
         relative = absolute.relative_to(Path.cwd())
@@ -73,7 +73,7 @@ def _artifact(path: str) -> _Json:
 
 
 def _region(span: Span, line: str) -> _Json:
-    """Return a place with columns in UTF-16 code units; for a place over several lines, its first line."""
+    """Return a place with columns in UTF-16 code units; of a place over several lines, only its first line."""
     first = _utf16(line, span.column)
     last = max(_utf16(line, span.end_column if span.end_line == span.line else len(line) + 1), first)
     return {"startLine": span.line, "startColumn": first, "endLine": span.line, "endColumn": last}
@@ -85,8 +85,10 @@ def _utf16(line: str, column: int) -> int:
 
 
 def _fingerprint(diagnostic: Diagnostic, seen: Counter[str]) -> str:
-    """Return a digest that does not change when lines are added above: of the code, the file, the line's text, the
-    message, and the number of equal diagnostics before."""
+    """Return a digest of a diagnostic that stays the same when lines are added above it.
+
+    It is computed from the code, the file, the line's text, the message, and the number of equal diagnostics before.
+    """
     key = "\0".join((diagnostic.code, diagnostic.path, diagnostic.source_line.strip(), diagnostic.message))
     seen[key] += 1
     return hashlib.sha256(f"{key}\0{seen[key]}".encode("utf-8", "surrogatepass")).hexdigest()[:32]

@@ -1,4 +1,4 @@
-"""A map in characters: the ground in braille dots, the ego in blocks; it is readable without colours.
+"""A map in characters: the ground in braille dots, the ego in blocks. It can be read without colours.
 
 A character has two by four dots and is about twice as high as wide, so the dots are square.
 """
@@ -25,15 +25,15 @@ BoolArray = NDArray[np.bool_]
 _BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bits of the dots of a braille character, by row and column (Unicode 2800 and following)."""
 _QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-"""Block characters by the sum of upper left 1, upper right 2, lower left 4 and lower right 8."""
+"""Block characters by the sum of their filled quarters: upper left 1, upper right 2, lower left 4, lower right 8."""
 _NOSES = {"ego": "▶◥▲◤◀◣▼◢", "opponent": "→↗↑↖←↙↓↘"}
 """Signs for the direction of a vehicle, by eighths of a turn, counter-clockwise from the right."""
 _NOSE_DOTS = 4.0
-"""A vehicle shorter than this on the screen gets no direction sign, dots."""
+"""A vehicle shorter than this on the screen has no sign for its direction, dots."""
 _POINT_DOTS = 3.0
 """An actor shorter than this on the screen is drawn as a single sign, dots."""
 POINTS = {"ego": "◆", "opponent": "●", "other": "o", "parked": "·", "ghost": "○"}
-"""Signs of small bodies by the kind of their part."""
+"""Signs of small bodies, by the kind of their part."""
 _TEXTURES = {
     "road": "lines",
     "marking": "lines",
@@ -42,13 +42,16 @@ _TEXTURES = {
     "slippery": "dots",
     "building": "shades",
 }
-"""How the ground is drawn, by paint; what has no texture is left out, because the dots cannot show it."""
+"""How the ground is drawn, by paint. A paint that is not listed is left out, because dots cannot show it."""
 _DASHES = 12
-"""Number of dashes and gaps across a window. Ours: a dash is several dots long in each window."""
+"""Number of dashes and gaps across a window. Ours: with it a dash is several dots long in windows of all sizes."""
 
 
 class Screen:
-    """A screen of dots, and of signs that replace the dots of a character; later ones cover earlier ones."""
+    """A screen of dots, and of signs that replace the dots of a character.
+
+    What is drawn later covers what was drawn earlier.
+    """
 
     def __init__(self, side_m: float, columns: int, rows: int) -> None:
         self._columns, self._rows = columns, rows
@@ -82,12 +85,12 @@ class Screen:
             case "dots":
                 rows, columns = np.indices(self._x_m.shape)
                 self._draw(self._inside(shape) & ((rows + columns) % 2 == 0), style)
-            case "shades":  # each character of which at least half the dots are inside
+            case "shades":  # the characters of which at least half the dots are inside
                 full = self._inside(shape).reshape(self._rows, 4, self._columns, 2).sum(axis=(1, 3)) >= 4
                 self._signs[full], self._styles[full] = "░", style
 
     def _lines(self, shape: Shape) -> BoolArray:
-        """Return the dots on the lines of a shape, except along the edges of the window."""
+        """Return the dots on the lines of a shape, but not those along the edges of the window."""
         dots = np.zeros(self._x_m.shape, np.bool_)
         dash_m = 2 * self._left_m / _DASHES if shape.dash else 0.0
         edge = self._left_m - 0.02
@@ -146,7 +149,7 @@ class Screen:
         return rows
 
     def _along(self, points: FloatArray) -> FloatArray:
-        """Return points on a line less than a dot apart: [N, 3], x, y and distance along the line, m."""
+        """Return points along a line that are less than a dot apart: [N, 3], x, y and distance along the line, m."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         along = np.concatenate([[0.0], np.cumsum(steps)])
         marks = np.linspace(0.0, along[-1], max(math.ceil(along[-1] * self._per_m * 2), 2))
@@ -171,7 +174,7 @@ class Screen:
         return bits
 
     def _draw(self, dots: BoolArray, style: str, *, over: bool = False) -> None:
-        """Add dots to the characters; with `over`, they replace the former contents of these characters."""
+        """Add dots to the characters; with `over`, they replace what these characters showed before."""
         bits = self._cells(dots)
         touched = bits > 0
         if over:
@@ -181,7 +184,7 @@ class Screen:
         self._styles[touched] = style
 
     def _blocks(self, dots: BoolArray, style: str) -> None:
-        # [rows, upper or lower, columns, left or right]
+        # The axes are rows, upper or lower half, columns, left or right half.
         halves = dots.reshape(self._rows, 2, 2, self._columns, 2).any(axis=2).astype(np.int64)
         number = np.asarray(np.einsum("ricj,ij->rc", halves, np.array(((1, 2), (4, 8)))), np.int64)
         filled = number > 0

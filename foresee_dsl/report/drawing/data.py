@@ -16,7 +16,7 @@ LIMITS = {"line_m": LINE_M, "thinnest_px": THINNEST_PX, "thickest_px": THICKEST_
 
 
 def as_data(shapes: Iterable[Shape]) -> list[dict[str, Any]]:
-    """Return shapes as plain data; coordinates in cm as `line` returns them, widths as in `Shape`."""
+    """Return shapes as plain data, with coordinates in cm as `line` returns them and widths as in `Shape`."""
     return [
         {
             "paint": shape.paint,
@@ -31,7 +31,7 @@ def as_data(shapes: Iterable[Shape]) -> list[dict[str, Any]]:
 
 
 def line(points: Iterable[Sequence[float]]) -> list[int]:
-    """Return a line as `[x, y, dx, dy, dx, dy, ...]`, cm."""
+    """Return a line as its first point and the differences after it: `[x, y, dx, dy, dx, dy, ...]`, cm."""
     array = np.array([tuple(point)[:2] for point in points], dtype=np.float64).reshape(-1, 2)
     whole = np.rint(array * CM).astype(np.int64)
     return [int(v) for v in np.diff(whole, axis=0, prepend=np.zeros((1, 2), dtype=np.int64)).ravel()]

@@ -1,4 +1,4 @@
-"""The ground of a road network as layers of areas and lines, m."""
+"""The ground of a road network as layers of areas and lines in metres."""
 
 from __future__ import annotations
 
@@ -26,10 +26,12 @@ Bounds = tuple[float, float, float, float]
 """Left, bottom, right and top, m."""
 
 Near = Callable[[Sequence[tuple[float, float]], float], bool]
-"""Takes the points of a shape and its width beside them, m; returns whether the shape touches the picture."""
+"""A function of the points of a shape and of its width beside them, m, that returns whether the shape is in the
+picture."""
 
 ZEBRA_M = 0.6
-"""Width of a crossing's bars and of the gaps between them. Ours: German ones have 0.5 m, which small pictures lose."""
+"""Width of a crossing's bars, and of the gaps between them, m. Ours: German bars are 0.5 m wide, which is too thin for
+small pictures."""
 
 
 class Layer(StrEnum):
@@ -51,18 +53,18 @@ class Layer(StrEnum):
 LINES = (Layer.MARKING, Layer.EDGE_LINE, Layer.STOP_LINE)
 """Layers of lines; the others are of areas."""
 _FAST_MPS = 80 / 3.6 - 0.01
-"""Speed limit from which a road has solid lines at its edges, m/s. Ours, after Germany's roads outside of towns, which
-have them (guideline RMS) and 100 km/h, or 80 on narrow roads."""
+"""Roads with at least this speed limit have solid lines at their edges, m/s. Ours, after Germany's roads outside towns,
+which have such lines (guideline RMS) and a limit of 100 km/h, or 80 km/h on narrow roads."""
 _SAME_LINE_M = 1.0
-"""Two directions of a road whose left sides are nearer to each other than this share a middle line, m. Ours: a median
-is wider."""
+"""If the left sides of a road's two directions are nearer to each other than this, they share a middle line, m. Ours: a
+median is wider."""
 _INSIDE_M = 0.25
-"""Distance of an edge line from the side of its lane, m. Ours: the line can be told from the verge beside it."""
+"""Distance of an edge line from the side of its lane, m. Ours: the line must be visible apart from the verge."""
 Ground = Mapping[Layer, "BaseGeometry"]
 
 
 def within(bounds: Bounds) -> Near:
-    """Return a test of whether the bounding box of points, widened by a width, touches `bounds`."""
+    """Return a test of whether the bounding box of points, widened by a width, overlaps `bounds`."""
     left, bottom, right, top = bounds
 
     def near(points: Sequence[tuple[float, float]], wide_m: float) -> bool:
@@ -84,7 +86,7 @@ def with_patches(ground: Ground, patches: Sequence[SlipperyPatch]) -> Ground:
 
 
 def ground_of(network: RoadNetwork, near: Near) -> Ground:
-    """Return the ground of the parts of a network that are near; shapes are not clipped, so they may reach beyond."""
+    """Return the ground of the parts of a network that are near. Shapes are not clipped, so they may reach beyond."""
     lanes = [lane for lane in network.lanes.values() if near(lane.shape, lane.width_m)]
     crossing_ids = {crossing.lane.id for crossing in network.crossings.values()}
     areas = [area.polygon for area in network.walking_areas.values() if near(area.polygon, 0.0)]
@@ -107,7 +109,7 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
         Layer.BUS_STOP: shapely.union_all(list(map(_polygon, stops))),
         Layer.MARKING: shapely.union_all(
             [shapely.LineString(line) for line in _between(streets, divided)]
-        ),  # each once
+        ),  # each junction and lane is drawn once
         Layer.EDGE_LINE: shapely.MultiLineString([line for line in edge_lines if len(line) > 1]),
         Layer.CROSSING: shapely.union_all([_band(lane) for lane in lanes if lane.id in crossing_ids]),
         Layer.STOP_LINE: shapely.MultiLineString([stop_line(lane) for lane in streets if lane.id in signalled]),
@@ -159,7 +161,7 @@ def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
 
 
 def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], near: Near) -> BaseGeometry:
-    """Return the area where vehicles may be, as in `RoadNetwork.drivable`, for the near part of the map."""
+    """Return the area on which vehicles may be, as in `RoadNetwork.drivable`, for the part of the map that is near."""
     junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
     bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking or lane.strip]
     road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])
@@ -167,7 +169,9 @@ def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], 
 
 
 def _between(lanes: Iterable[Lane], divided: frozenset[str]) -> Iterable[FloatArray]:
-    """Yield the left sides of lanes: lines between two lanes, and middle lines of roads; not of the lanes `divided`."""
+    """Yield the left sides of lanes, which are lines between two lanes or middle lines of roads, except those of the
+    lanes `divided`.
+    """
     for lane in lanes:
         if lane.id not in divided and len(side := _side(lane, -1)) > 1:
             yield side
@@ -176,7 +180,7 @@ def _between(lanes: Iterable[Lane], divided: frozenset[str]) -> Iterable[FloatAr
 def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
     """Return the left (`sign` -1) or right (1) side of a lane, moved `inside_m` towards the lane's middle.
 
-    The side of a lane of length zero has fewer than two points.
+    A lane of length zero has a side with fewer than two points.
     """
     apart = [lane.shape[0], *(b for a, b in pairwise(lane.shape) if a != b)]
     moved_m = sign * (lane.width_m / 2 - inside_m)
@@ -184,8 +188,11 @@ def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
 
 
 def _edge_lines(network: RoadNetwork, streets: Sequence[Lane]) -> tuple[frozenset[str], list[FloatArray]]:
-    """Return the ids of the lanes whose left side is the edge of a divided road, and the solid lines at the edges of
-    fast roads and of roads with a shoulder."""
+    """Return the lanes of divided roads, and the solid lines at edges.
+
+    The lanes are the ids of those whose left side is the edge of a divided road; the solid lines are those at the edges
+    of fast roads and of roads with a shoulder.
+    """
     by_edge: dict[str, list[Lane]] = {}
     for lane in streets:
         by_edge.setdefault(lane.edge, []).append(lane)

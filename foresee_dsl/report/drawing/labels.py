@@ -1,4 +1,4 @@
-"""Places names near their objects so that they cover neither each other nor the bodies."""
+"""Places names near their objects so that the names cover neither each other nor the bodies."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 LETTER = 0.66
-"""Width of a letter divided by the font's size. Ours: the mean of DejaVu Sans Bold, a wide font."""
+"""Width of a letter as a multiple of the font's size. Ours: the mean of DejaVu Sans Bold, a wide font."""
 LINE = 1.25
-"""Height of a line divided by the font's size."""
+"""Height of a line as a multiple of the font's size."""
 _RINGS = (1.0, 2.2, 3.6, 5.2)
-"""Distances of a label from its object that are tried, in lines. Ours: farther away a reader cannot relate them."""
+"""Distances from its object at which a label may be placed, in lines; near ones are tried first. Ours: farther away a
+reader cannot relate the two."""
 _CHUNK = 1.0
-"""Length divided by height of the boxes that approximate a slanted name (ours)."""
+"""Ratio of length to height of the boxes that together approximate a slanted name. Ours."""
 
 
 class LabelBox(NamedTuple):
-    """Left, top, right, bottom; pixels, y downwards."""
+    """A box with the sides left, top, right and bottom, px; y points downwards."""
 
     left: float
     top: float
@@ -31,7 +32,7 @@ class LabelBox(NamedTuple):
         )
 
     def inside(self, other: LabelBox) -> bool:
-        """Return whether it lies within another box."""
+        """Return whether this box lies within another one."""
         return (
             self.left >= other.left
             and self.right <= other.right
@@ -41,17 +42,17 @@ class LabelBox(NamedTuple):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Its centre."""
+        """Return the centre of the box, px."""
         return (self.left + self.right) / 2, (self.top + self.bottom) / 2
 
 
 def width_of(text: str, size: float) -> float:
-    """Return the approximate width of a text in a font's size, px."""
+    """Return the approximate width of a text in a font of this size, px."""
     return LETTER * size * len(text)
 
 
 class Room:
-    """The occupied boxes of a map."""
+    """The boxes of a map that are occupied."""
 
     def __init__(self, whole: LabelBox) -> None:
         self.whole = whole
@@ -63,7 +64,7 @@ class Room:
         self._taken += boxes
 
     def spare(self, *boxes: LabelBox) -> None:
-        """Mark boxes that labels avoid if there is another place (ways)."""
+        """Mark boxes that labels avoid if there is another place for them, such as the actors' ways."""
         self._better_free += boxes
 
     def free(self, box: LabelBox) -> bool:
@@ -73,7 +74,7 @@ class Room:
     def beside(self, thing: LabelBox, width: float, height: float, *, insist: bool) -> LabelBox | None:
         """Take the nearest free place for a label beside a thing, and return it.
 
-        With `insist`, also distant places are tried, which need a line to the thing, and if none is free the place that
+        With `insist`, distant places are tried as well, which need a line to the thing; if none is free, the place that
         covers the fewest boxes is taken. Without it, None is returned if no near place is free.
         """
         there = list(_around(thing, width, height, _RINGS if insist else _RINGS[:2]))
@@ -102,7 +103,7 @@ class Room:
 
 
 def _around(thing: LabelBox, width: float, height: float, rings: Sequence[float]) -> Iterator[LabelBox]:
-    """Yield places beside a thing, near ones first: right, left, above, below, and the diagonals."""
+    """Yield places beside a thing, near places first, in the order right, left, above, below, and the diagonals."""
     x, y = thing.middle
     wide, high = (thing.right - thing.left) / 2, (thing.bottom - thing.top) / 2
     for ring in rings:
@@ -114,14 +115,14 @@ def _around(thing: LabelBox, width: float, height: float, rings: Sequence[float]
 
 
 def _pushed(box: LabelBox, whole: LabelBox) -> LabelBox:
-    """Return a box moved into another one."""
+    """Return a box, moved so that it lies within another box."""
     dx = max(whole.left - box.left, 0.0) or min(whole.right - box.right, 0.0)
     dy = max(whole.top - box.top, 0.0) or min(whole.bottom - box.bottom, 0.0)
     return LabelBox(box.left + dx, box.top + dy, box.right + dx, box.bottom + dy)
 
 
 def wrapped(text: str, size: float, width: float, lines: int) -> Sequence[str]:
-    """Return a text in at most `lines` lines of a width; if it is longer, the last line ends with `…`."""
+    """Return a text in at most `lines` lines of this width; if the text is longer, the last line ends with `…`."""
     import textwrap
 
     letters = max(int(width / (LETTER * 0.9 * size)), 8)

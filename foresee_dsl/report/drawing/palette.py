@@ -1,4 +1,4 @@
-"""The palette: the colours of every picture by the kind of thing, for light and dark surroundings and for terminals."""
+"""The palette of all pictures: the colours of each kind of thing, in light and dark surroundings and in terminals."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ class Paint(NamedTuple):
     """Colours of one kind of thing.
 
     Attributes:
-        fill, line: in light surroundings, "" for none. dark_fill, dark_line: in dark ones.
-        opacity: 0 to 1. terminal: style in a terminal.
+        fill, line: colours in light surroundings, "" for none. dark_fill, dark_line: colours in dark surroundings.
+        opacity: from 0 to 1. terminal: style in a terminal.
     """
 
     fill: str
@@ -33,9 +33,9 @@ def _tone(colour: str, dark: str, terminal: str) -> dict[str, Paint]:
     }
 
 
-# The tones of actors: Okabe and Ito, Color Universal Design (2008), darkened where white would not stand out from them;
-# the dark ones ours. A picture of a scene's start gives each actor a tone of its own (a0 to a5); a picture of a moment
-# has one for the opponent and one for all others.
+# The tones of actors are those of Okabe and Ito, Color Universal Design (2008), darkened where white would not stand
+# out from them; the dark ones are ours. A picture of a scene's start gives each actor a tone of its own (a0 to a5); a
+# picture of a moment has one tone for the opponent and one for all others.
 _TONES = {
     "ego": ("#1459b8", "#6fb1ff", "bold blue"),
     "opponent": ("#c2410c", "#ff9d5c", "bold red"),
@@ -91,11 +91,11 @@ PAINTS: Mapping[str, Paint] = MappingProxyType(
         **{f"{tone}{end}": paint for tone, colours in _TONES.items() for end, paint in _tone(*colours).items()},
     }
 )
-"""Paints by the name of the kind of shape or text."""
+"""The paint of each kind of shape or text, by the name of the kind."""
 
 
 def custom_properties(names: Iterable[str], *, dark: bool = False) -> str:
-    """Return paints as CSS custom properties: `--p-NAME` is the fill, `--p-NAME-line` the line; with their opacity."""
+    """Return paints as CSS custom properties with their opacity: `--p-NAME` is the fill, `--p-NAME-line` the line."""
     properties = []
     for name in names:
         paint = PAINTS[name]

@@ -17,8 +17,7 @@ _FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/sh
 def png_of_svg(svg: str, *, zoom: float = 2.0) -> bytes:
     """Return an SVG document as a PNG, enlarged by the factor `zoom`.
 
-    Raises:
-        ForeseeError: resvg-py is not installed, or there is no font for the names in the picture.
+    Raises: ForeseeError: resvg-py is not installed, or the system has no font for the names in the picture.
     """
     try:
         import resvg_py
@@ -32,7 +31,8 @@ def _own_fonts() -> tuple[str, ...]:
     """Return font files of matplotlib if the system has no fonts, otherwise none.
 
     Raises:
-        ForeseeError: matplotlib is not installed either; resvg would leave out every text without an error.
+        ForeseeError: matplotlib is not installed either; without a font resvg-py 0.5.0 leaves out every text without an
+            error.
     """
     folders = [Path(folder).expanduser() for folder in _FONTS]
     if not sys.platform.startswith("linux") or any(next(f.rglob("*.[to]tf"), None) for f in folders if f.is_dir()):

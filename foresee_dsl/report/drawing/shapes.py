@@ -1,4 +1,4 @@
-"""The shapes of a scene in metres: the ground of its roads and the bodies of its actors, which all back ends draw."""
+"""The shapes of a scene in metres, which all back ends draw: the ground of its roads and the bodies of its actors."""
 
 from __future__ import annotations
 
@@ -11,28 +11,30 @@ import numpy as np
 from foresee_dsl.report.drawing.ground import LINES, FloatArray, Ground, Layer, lines_of, rings_of, zebra
 
 LINE_M, STOP_LINE_M = 0.15, 0.3
-"""Width of lines on the ground and of stop lines, m. Ours: German ones have 0.12 m and 0.5 m (guideline RMS); a thicker
-stop line would hide the signal's colour on it."""
+"""Width of lines on the ground, and of stop lines, m. Ours: German ones are 0.12 m and 0.5 m wide (guideline RMS); a
+thicker stop line would hide the signal's colour on it."""
 DASH_M = 1.5
-"""Length of a dash of a marking, and of the gap after it, m. Ours: German ones in towns have 3 m, which small pictures
-show as one dash."""
+"""Length of a dash of a marking, and of the gap after it, m. Ours: in German towns both are 3 m long, which a small
+picture would show as a single dash."""
 THINNEST_PX, THICKEST_PX = 0.5, 1.6
-"""Smallest and largest width of a line on the ground, px; wider lines have the same limits for their share. Ours: not
+"""Smallest and largest width of a line on the ground, px; the limits of wider lines are larger in proportion. Ours: not
 too thin to see, and not thicker than a pencil line."""
 LEAST_DASH_PX = 2.5
 """Smallest length of a dash, px (ours)."""
 _SMALLEST_PX = 15.0
-"""A shorter body gets a disc behind it, px. Ours: the size that an eye notices and a fingertip hits."""
+"""A body shorter than this gets a disc behind it, px. Ours: the size that an eye notices and a fingertip hits."""
 DISC_PX = 10.0
 """Radius of the disc behind a small body, px."""
 _LEAST_BODY_PX, _LEAST_PERSON_PX, _LEAST_BACKGROUND_PX = 5.0, 3.5, 2.0
-"""Smallest length of a body, and smallest radius of a person and of a person in the background traffic, px (ours)."""
+"""Smallest length of a body, smallest radius of a person, and smallest radius of a person in the background traffic,
+px. Ours."""
 _LEAST_FRONT_PX = 6.0
-"""A shorter vehicle does not show which end is the front, px (ours)."""
+"""A vehicle shorter than this does not show which end is the front, px. Ours."""
 SCREEN_SHARE = 0.22
-"""Distance of the windscreen from the front, as a share of the length; it shows which end is the front (ours)."""
+"""Distance of the windscreen from the front, as a share of the vehicle's length; the windscreen shows which end is the
+front. Ours."""
 _BACKGROUND = ("traffic", "parked")
-"""Paints of bodies that get no disc however small they are."""
+"""Paints of bodies that get no disc behind them, even if they are small."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,9 @@ class Shape:
     Their coordinates are those of a map (m, y upwards) or of the sheet around the maps (px, y downwards).
 
     Attributes:
-        paint: name of a paint. rings: [N, 2] points of each outline or line. closed: they are outlines.
-        width: width of the line, px. width_m: width of a line on the ground, m; then `width` does not count.
+        paint: name of a paint. rings: [N, 2] points of each outline or line. closed: whether the rings are outlines.
+            width: width of the line, px. width_m: width of a line on the ground, m, which replaces `width` if it is
+            set.
         dash: lengths of the dashes and gaps, px; m if `width_m` is set.
     """
 
@@ -55,7 +58,7 @@ class Shape:
     dash: tuple[float, ...] = ()
 
     def line_px(self, px_per_m: float) -> tuple[float, tuple[float, ...]]:
-        """Return the width of the line and its dashes in a map of a scale, px."""
+        """Return the width of the line and the lengths of its dashes in a map of this scale, px."""
         if not self.width_m:
             return self.width, self.dash
         share = self.width_m / LINE_M
@@ -67,7 +70,8 @@ def ground_shapes(ground: Ground, *, bars: bool = True, tolerance_m: float = 0.0
     """Yield the shapes of a ground from back to front.
 
     Args:
-        ground: the layers. bars: crossings are bars; otherwise they are areas, for a picture that is too coarse.
+        ground: the layers. bars: whether crossings are drawn as bars; otherwise as areas, for a picture that is too
+            coarse for bars.
         tolerance_m: error by which lines may be simplified, m.
     """
     for layer in Layer:
@@ -85,7 +89,8 @@ def ground_shapes(ground: Ground, *, bars: bool = True, tolerance_m: float = 0.0
 
 
 def body_shapes(corners: FloatArray, kind: str, paint: str, px_per_m: float = math.inf) -> tuple[Shape, ...]:
-    """Return the shapes of a body from back to front: a disc behind a small one, its outline, a vehicle's windscreen.
+    """Return the shapes of a body from back to front: a disc behind a small body, the outline, the windscreen of a
+    vehicle.
 
     Args:
         corners: [4, 2] m: front left, rear left, rear right, front right. kind: the model's class.
@@ -115,7 +120,7 @@ def body_shapes(corners: FloatArray, kind: str, paint: str, px_per_m: float = ma
 
 
 def ghost_shape(corners: FloatArray) -> Shape:
-    """Return the outline of a body where it is in another run or before a change."""
+    """Return the outline of a body at its place in another run, or before a change."""
     return Shape("ghost", (corners,), width=1.3, dash=(3.0, 3.0))
 
 

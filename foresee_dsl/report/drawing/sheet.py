@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PAD = 14.0
-"""Free margin around a sheet, px."""
+"""Margin around a sheet that stays free, px."""
 _LEAST_BAR_PX = 40.0
-"""Smallest length of the bar that shows the scale, px. Ours: its text has this length."""
+"""Smallest length of the bar that shows the scale, px. Ours: the text on it is this long."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of letters, px: names and text, small text, title.
+    """Sizes of letters, px: of names and text, of small text, and of the title.
 
     Attributes:
         room: factor by which letters are larger on a phone; names are placed for the larger letters.
@@ -38,7 +38,9 @@ class Sizes:
 
 @dataclass(frozen=True)
 class TextPlace:
-    """The place of an item in a text: absolute path, first line and column, last line (counted from 1)."""
+    """The place in a file at which an item is written: absolute path, first line and column, last line (counted from
+    1).
+    """
 
     path: Path
     line: int
@@ -48,7 +50,7 @@ class TextPlace:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text; `x` is its left end, middle or right end by `anchor`, `y` its middle, px of its map or sheet."""
+    """A line of text in a map or sheet, px; `x` is its left end, middle or right end by `anchor`, `y` its middle."""
 
     paint: str
     text: str
@@ -62,7 +64,7 @@ class Words:
 
 @dataclass(frozen=True)
 class DrawnPart:
-    """The shapes and words of one object, such as a body or a trigger place; `place`: where it is written."""
+    """The shapes and words of one object, such as a body or a trigger place; `place`: where the object is written."""
 
     kind: str
     shapes: tuple[Shape, ...] = ()
@@ -74,7 +76,9 @@ class DrawnPart:
 
 @dataclass(frozen=True)
 class MapFrame:
-    """A map of `width` by `height` pixels, its left and top sides in the world, m, and its `scale`, pixels per m."""
+    """A map of `width` by `height` pixels: its left and top sides in the world, m, and its `scale`, pixels per
+    metre.
+    """
 
     width: float
     height: float
@@ -84,26 +88,29 @@ class MapFrame:
 
     @property
     def bounds(self) -> Bounds:
-        """Left, bottom, right and top, m."""
+        """Return left, bottom, right and top of the map in the world, m."""
         wide, high = self.width / self.scale, self.height / self.scale
         return self.left, self.top - high, self.left + wide, self.top
 
     def pixels(self, points: FloatArray) -> FloatArray:
-        """Return [N, 2] points of the world in pixels, y downwards."""
+        """Return points of the world, [N, 2] m, in pixels; y points downwards."""
         return (points - (self.left, self.top)) * (self.scale, -self.scale)
 
     def point(self, x: float, y: float) -> tuple[float, float]:
-        """Return a point of the world in pixels."""
+        """Return a point of the world, m, in pixels."""
         return (x - self.left) * self.scale, (self.top - y) * self.scale
 
     def metres(self, pixels: FloatArray) -> FloatArray:
-        """Return [N, 2] points of the map in the world."""
+        """Return points of the map, [N, 2] pixels, in the world, m."""
         return pixels / (self.scale, -self.scale) + (self.left, self.top)
 
 
 @dataclass(frozen=True)
 class Map:
-    """A map at a place of a sheet, px; shapes of its `parts` are in the world, m, their words in the map, px."""
+    """A map at a place of a sheet, px.
+
+    The shapes of its `parts` are in the world, m; their words are in the map, px.
+    """
 
     x: float
     y: float
@@ -113,7 +120,10 @@ class Map:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A whole picture; the parts `around` the maps are in pixels; `label`: the picture in words."""
+    """A whole picture.
+
+    The parts `around` the maps are in pixels; `label` is the picture in words, for readers who cannot see it.
+    """
 
     width: float
     height: float
@@ -134,7 +144,7 @@ class Key:
 
 
 def legend(keys: Iterable[Key], width: float, top: float, sizes: Sizes) -> tuple[list[DrawnPart], float]:
-    """Return the parts of a legend in rows, and the height of a sheet of a width that ends with it, px."""
+    """Return the parts of a legend in rows, and the height of a sheet of this width that ends with the legend, px."""
     px = sizes.small * sizes.room
     x, y = PAD, top + px * LINE / 2
     parts: list[DrawnPart] = []
@@ -152,7 +162,7 @@ def legend(keys: Iterable[Key], width: float, top: float, sizes: Sizes) -> tuple
 def scale_and_north(
     frame: MapFrame, sizes: Sizes, north_rad: float = math.pi / 2
 ) -> tuple[DrawnPart, Sequence[FloatArray]]:
-    """Return the scale bar and the arrow to the north in a map's corners, and the outlines that they cover, px.
+    """Return the scale bar and the north arrow in a map's corners, and the outlines of what they cover, px.
 
     `north_rad`: direction of north, counter-clockwise from the map's right.
     """

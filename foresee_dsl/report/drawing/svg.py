@@ -1,4 +1,4 @@
-"""A sheet as an SVG document, either complete or for a page that defines the colours."""
+"""Converts a sheet to an SVG document, either complete or for a page that defines the colours."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ALWAYS = ("paper", "grass", "frame")
 def svg_of(sheet: Sheet, *, styled: bool = True, scheme: Scheme = "") -> str:
     """Return a sheet as SVG; without `styled` the document does not define its colours (`style_of` returns them).
 
-    `scheme`: light or dark colours; "": the scheme that the viewer prefers.
+    `scheme`: light or dark colours; "" for the scheme that the viewer prefers.
     """
     return rendered(
         "draw/picture.svg",
@@ -50,7 +50,7 @@ def _paints(sheet: Sheet) -> Iterator[str]:
 
 
 def _path(shape: Shape, frame: MapFrame | None) -> str:
-    """Return a shape as an SVG path, rounded to tenths of a pixel; a shape of a map lies in its frame."""
+    """Return a shape as an SVG path, rounded to tenths of a pixel; `frame`: the map in which the shape lies."""
     end = "Z" if shape.closed else ""
     rings = (frame.pixels(ring) if frame is not None else ring for ring in shape.rings)
     points = (" ".join(f"{number(x, 1)} {number(y, 1)}" for x, y in ring.tolist()) for ring in rings)

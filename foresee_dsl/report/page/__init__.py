@@ -1,6 +1,6 @@
-"""A single HTML file that shows a whole campaign without other files: findings, playbacks, numbers.
+"""The page of a campaign: a single HTML file with findings, playbacks and numbers, which needs no other files.
 
-`recorded` reads `campaign.json`, `runs` a failing run with its files, `playback` and `roads` make of it what the
-script of `templates/report` plays, `contents` collects all that is said, `html`, `markdown` and `plain` render it;
-`single` is the page of one file.
+`recorded` reads `campaign.json`, `runs` a failing run with its files; `playback` and `roads` convert it to data that
+the script of `templates/report` plays; `contents` collects all texts and numbers, and `html`, `markdown` and `plain`
+render them; `single` is the page of one file.
 """

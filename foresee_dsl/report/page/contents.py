@@ -1,4 +1,4 @@
-"""The contents of a report on finished campaigns: their findings with all runs, and the raw numbers."""
+"""The contents of a report on finished campaigns: the findings with their runs, and the raw numbers."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from foresee_dsl.report.verdicts import counted
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25
-"""Maximum number of runs of a finding that a report shows; the others are only named. Ours: more runs with the same
-story show nothing new."""
+"""Maximum number of runs of a finding that a report shows; of further runs only the names are given. Ours: more runs
+with the same story show nothing new."""
 MOST_PLAYBACKS = 400
-"""After this number of playbacks, further findings show only their representative. Ours: at 15 kB and 0.08 s each, they
+"""Number of playbacks after which further findings show only their representative. Ours: at 15 kB and 0.08 s each, 400
 take 6 MB and 30 s."""
 _WITHOUT_NOTE = (Verdict.PASS, *FAILURES)
-"""Verdicts that need no note, because failures are shown as findings."""
+"""Verdicts that need no note at the top of the report, because it shows failures as findings."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class Contents:
 
     @property
     def folded(self) -> tuple[FindingEntry, ...]:
-        """The findings that are only counted at first."""
+        """Return the findings that are only counted until the reader unfolds them."""
         return tuple(finding for finding in self.findings if finding.folded)
 
     @property
     def folded_text(self) -> str:
-        """How many there are, by judgement: `11 that no driver could have avoided`."""
+        """Return how many findings are folded, by judgement, such as `11 that no driver could have avoided`."""
         counts = Counter(finding.judgement.word for finding in self.folded if finding.triage is None)
         kinds = [f"{counts[whose.value]} {whose.counted}" for whose in FOLDED if counts[whose.value]]
         triaged = counted_decisions(finding.triage for finding in self.folded if finding.triage is not None)
@@ -164,7 +164,8 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
         if (small := _minimised(source, record, outcomes[0])) is not None:
             outcomes.insert(0, small)
         runs = tuple(map(reader.read, outcomes))
-        # Earlier versions wrote the sentence of the unreduced run into the finding.
+        # Earlier versions wrote the sentence of the run before minimising into the finding, so it is not used for the
+        # minimised run.
         reduced = small.minimised if small is not None else None
         sentence = (reduced and reduced.sentence) or record.sentence
         answer = record.preventability or Preventable.UNKNOWN.value
@@ -240,7 +241,8 @@ def _failures(source: Source) -> dict[str, Outcome]:
 
 
 def _child(source: Source, clip: ClipRun, child: ChildRun, parent: Path | None, seed: int) -> Outcome:
-    again = child.mutant.rpartition("_m")[0].rpartition("_s")  # a repeated mutation: `case_p1_s3_m2`
+    # The file of a repeated mutation, such as `case_p1_s3_m2`.
+    again = child.mutant.rpartition("_m")[0].rpartition("_s")
     if again[0] == clip.clip and again[2].isdigit():
         seed = int(again[2])
     return Outcome(
@@ -260,7 +262,7 @@ def _child(source: Source, clip: ClipRun, child: ChildRun, parent: Path | None, 
 
 
 def _case_name(case: CaseRun) -> str:
-    """Return the name with which a test case's files begin: that of its trace, if there is one."""
+    """Return the name with which the files of a test case begin: that of its trace, if it has one."""
     return Path(case.trace).stem if case.trace else case_file_name(case.test_case, Path(case.test_case).stem)
 
 
@@ -272,7 +274,7 @@ def _failing_children(campaign: Campaign) -> Iterator[tuple[ClipRun, ChildRun]]:
 
 
 def _each_alone(source: Source) -> tuple[Finding, ...]:
-    """Return each failure as a finding of its own, for a `campaign.json` without findings."""
+    """Return each failure as a finding of its own, for an older `campaign.json` without findings."""
     campaign = source.campaign
     families = {case.test_case: case.family for case in campaign.test_cases}
     kinds = {verdict.value for verdict in FAILURES}

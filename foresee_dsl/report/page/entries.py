@@ -1,4 +1,4 @@
-"""The entries of a report: its campaigns, and their findings with the runs that are shown."""
+"""The entries of a report: its campaigns and their findings, with the runs that are shown."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Source:
 
 @dataclass(frozen=True)
 class FindingEntry:
-    """A finding with its runs, of which the first is its representative.
+    """A finding with its runs; the first run is its representative.
 
     `key`: an identifier that is unique in the report.
     """
@@ -50,15 +50,15 @@ class FindingEntry:
     more: tuple[str, ...] = ()
     """Names of further runs, which are not shown."""
     number: int = 0
-    """By which commands address it; 0 for none."""
+    """The number by which commands address the finding; 0 if it has none."""
     judgement: Judgement = NO_JUDGEMENT
-    """Whose failure it is; empty if the campaign's version did not say so."""
+    """The judgement on whose failure it is; empty if the campaign was written by a version without judgements."""
     diagnosis: str = ""
-    """Which part of the driver causes it, in words; "" before `foresee diagnose`."""
+    """The part of the driver that causes the failure, in words; "" before `foresee diagnose` was run."""
     since: Since = Since.FIRST
-    """Whether the campaign before found it too."""
+    """Whether the previous campaign found it too."""
     triage: Decision | None = None
-    """What people decided about it."""
+    """The decision that people recorded about it with `foresee triage`; None without one."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -83,22 +83,22 @@ class FindingEntry:
 
     @property
     def count(self) -> int:
-        """Number of failing runs with this story, without the minimised copy of the representative."""
+        """Return the number of failing runs with this story, without the minimised copy of the representative."""
         return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
 
     @property
     def folded(self) -> bool:
-        """Whether reports only count it, as nothing follows from it for the driver."""
+        """Return whether reports only count the finding: nothing follows from it for the driver, or it was triaged."""
         return self.triage is not None or self.judgement.word in FOLDED
 
     @property
     def standing(self) -> str:
-        """Whether it is new, and how it was triaged, in words; "" if there is nothing to say."""
+        """Return whether the finding is new, and how it was triaged, in words; "" if there is nothing to say."""
         return ", ".join(part for part in (self.since.text, self.triage.text if self.triage else "") if part)
 
     @property
     def anchor(self) -> str:
-        """The key with only such characters as addresses and file names can hold."""
+        """Return the key, with only such characters as web addresses and file names can contain."""
         plain = _NO_ANCHOR.sub("_", self.key)
         if plain == self.key and len(plain) <= _LONGEST_ANCHOR:
             return plain
@@ -106,25 +106,25 @@ class FindingEntry:
 
     @property
     def name(self) -> str:
-        """Name of the representative."""
+        """Return the name of the representative."""
         return self.runs[0].outcome.name
 
     @property
     def others(self) -> tuple[str, ...]:
-        """Names of the other runs that are shown."""
+        """Return the names of the other runs that are shown."""
         return tuple(run.outcome.name for run in self.runs if run.outcome.name != self.name)
 
     @property
     def mutated(self) -> bool:
-        """Whether its runs are runs of mutants, not of an unmutated test case."""
+        """Return whether the runs are those of mutants, not of an unmutated test case."""
         return bool(self.runs[0].outcome.operators) or self.runs[0].outcome.parent_trace is not None
 
 
 def family_title(family: str) -> str:
-    """Return a scenario family's number and title."""
+    """Return the number and the title of a scenario family."""
     return f"{family} {FAMILY_TITLES.get(family, '')}".strip() or "(no family)"
 
 
 def options_of(findings: Iterable[FindingEntry], key: Callable[[FindingEntry], str]) -> tuple[str, ...]:
-    """Return the values that a filter of findings offers."""
+    """Return the values that a filter of the findings offers."""
     return tuple(sorted({key(finding) for finding in findings} - {""}))

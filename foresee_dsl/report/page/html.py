@@ -89,8 +89,11 @@ def rendered(contents: Contents, reader: Reader) -> str:
 
 @cache
 def _templates() -> Environment:
-    """Return the templates of reports; every inserted text is made safe to show."""
-    # Text that a template has marked as markup is not changed.
+    """Return the templates of reports.
+
+    Control characters and hidden characters in every inserted text are made visible.
+    """
+    # Text that a template has marked as markup is inserted unchanged.
     return templates("report").overlay(finalize=lambda value: safe(value, LONGEST) if type(value) is str else value)
 
 
@@ -107,7 +110,7 @@ def _safe_strings(value: Any) -> Any:  # noqa: ANN401 - as above
     if isinstance(value, dict):
         return {safe(key, LONGEST): _safe_strings(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        # Long lists hold only numbers.
+        # A list this long contains only numbers, so its items need not be searched for texts.
         return value if len(value) > 50 and isinstance(value[0], int) else [_safe_strings(item) for item in value]
     return value
 

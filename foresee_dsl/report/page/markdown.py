@@ -1,4 +1,6 @@
-"""A report for a pull request: Markdown with a section for each finding, and a picture of its run beside it."""
+"""A report for a pull request: Markdown with a section for each finding, and pictures of the runs in a folder beside
+it.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,14 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 LONGEST_BYTES = 60_000
-"""Maximum size of the report, bytes. GitHub allows 65,536 characters in a comment; the rest is for people's own words
-(ours)."""
+"""Maximum size of the report, bytes. GitHub allows 65,536 characters in a comment; the remainder is for text that
+people add. Ours."""
 _LONGEST_TEXT, _LONGEST_CODE = 300, 1500
 _SPECIAL = re.compile(r"[\\`*_{}\[\]<>&#|~!$^]")
 _LINKS = re.compile(r"(?<=:)(?=//)|(?<=[wW]{3})(?=\.)|(?<=@)|(?<=&#35;)")
-"""Places in a text at which code hosts begin a link to an address, a person or an issue."""
+"""Places in a text at which code hosts would begin a link to an address, a person or an issue."""
 _APART = "<!-- -->"
-"""Invisible comment that is inserted at these places, so that no link begins there."""
+"""Invisible comment that is inserted at these places, so that no link begins."""
 
 
 class Marked(str):
@@ -65,7 +67,7 @@ def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
     pairs = zip(contents.findings, (Marked(strip) for strip in strips), strict=True)
     sections = [(finding, strip) for finding, strip in pairs if not finding.folded]
     low, high = 0, len(sections)
-    while low < high:  # searches the largest number of sections that fit
+    while low < high:  # a binary search for the largest number of sections that fit
         middle = (low + high + 1) // 2
         if len(_rendered(contents, sections, middle).encode()) < LONGEST_BYTES:
             low = middle
@@ -99,7 +101,7 @@ def escaped(text: object) -> Marked:
 
 
 def code(text: object) -> Marked:
-    """Return a text as inline code, which may also stand in a table's cell."""
+    """Return a text as inline code that may also be in the cell of a table."""
     plain = safe(text, _LONGEST_TEXT)
     fence = "`" * (max((len(run) for run in re.findall("`+", plain)), default=0) + 1)
     pad = " " if plain.startswith("`") or plain.endswith("`") else ""

@@ -1,4 +1,4 @@
-"""A report's findings as lines for a terminal."""
+"""The findings of a report as lines for a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A run as data for the page's player: poses and visibility of actors, signals, and deviations of the parent's run."""
+"""Converts a run to data for the page's player: poses and visibility of actors, signals, and deviations from the
+parent's run.
+"""
 
 from __future__ import annotations
 
@@ -26,16 +28,19 @@ from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 NEAR_M = 90.0
-"""Actors that never come this near to the ego are left out, m. Ours: a little beyond its sensors' range for a car."""
+"""An actor that never comes this near to the ego is left out, m. Ours: a little more than the range of its sensors for
+a car."""
 SIGNALS_NEAR_M = 100.0
-"""Signals that are always farther from the ego are left out, m. Ours: the range of its camera."""
+"""A signal that is always farther from the ego is left out, m. Ours: the range of the ego's camera."""
 LONG_RUN_FRAMES = 400
-"""Of a longer run (over 20 s) only every second frame is kept. Ours: the player interpolates positions."""
+"""Number of frames (20 s) above which only every second frame of a run is kept. Ours: the player interpolates
+positions."""
 APART_M = 0.3
-"""An actor that is farther than this from its place in the parent's run gets a ghost, m. Ours: a visible distance."""
+"""An actor that is farther than this from its place in the parent's run is drawn with a ghost at that place, m. Ours: a
+visible distance."""
 
 MRAD = 1000.0
-"""Headings are rounded to 1 mrad (an error of 3 mm at a bus's bumper, 6 m from its centre), speeds to 1 cm/s."""
+"""Units per rad: headings are rounded to 1 mrad, which is 3 mm at the bumper of a bus, 6 m from its centre."""
 
 PET = "pet_s"
 MEASURES = (
@@ -50,7 +55,9 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Parent:
-    """The run from which a clip or mutant derives; the file begins `start_s` after its beginning."""
+    """The run from which a clip or mutant was derived; the derived run begins `start_s` after the beginning of this
+    run.
+    """
 
     trace: Trace
     start_s: float
@@ -58,10 +65,11 @@ class Parent:
 
 @dataclass(frozen=True)
 class Marks:
-    """The marks in a playback.
+    """Events that the player marks in a playback.
 
     Attributes:
-        opponent: an actor's id, or "". contact_s, contact: time, s, and place, m, of its contact with the ego.
+        opponent: id of the opponent, or "".
+        contact_s, contact: time, s, and place, m, of the opponent's contact with the ego.
         forecast_s, forecast_with: time of the risky point from the run's first frame, s, and id of its actor.
     """
 
@@ -73,7 +81,7 @@ class Marks:
 
 
 def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | None = None) -> dict[str, Any]:
-    """Return a run as data for the page's script; `templates/report/run.js` reads it."""
+    """Return a run as data for the page's script, in the form that `templates/report/run.js` reads."""
     frames = shown_frames(trace.frames)
     columns = near_the_ego(trace, frames, marks.opponent)
     seen = _seen(trace, bundle, frames)
@@ -122,7 +130,7 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
 
 
 def _body(trace: Trace, actor: int, role: Role) -> tuple[Shape, ...]:
-    """Return the shapes of an actor around its middle, with its front to the right."""
+    """Return the shapes of an actor around its middle, with its front pointing to the right."""
     info = trace.actors[actor]
     outline = corners(np.array((0.0, 0.0, 0.0, info.length_m, info.width_m)))
     return body_shapes(outline, info.kind, role.value)
@@ -144,9 +152,9 @@ def near_the_ego(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
 
 
 def _way(states: FloatArray) -> list[list[Any]]:
-    """Return the stretches of time in which an actor is present: [first frame, frames, x, y, heading, speed].
+    """Return the stretches of time in which an actor is present: [first frame, number of frames, x, y, heading, speed].
 
-    Each of the last four is a list of differences, with a single value if it is constant.
+    Each of the last four is a list of differences, or a single value if it is constant.
     """
     there = ~np.isnan(states[:, X])
     edges = [*toggles(there), len(there)]
@@ -170,13 +178,15 @@ def deltas(values: NDArray[np.float64], per_unit: float) -> list[int]:
 
 
 def toggles(flags: NDArray[np.bool_]) -> list[int]:
-    """Return the indices at which a flag changes; it is false before the first."""
+    """Return the indices at which a flag changes; it counts as false before the first index."""
     changes = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0))
     return [int(k) for k in changes]
 
 
 def _seen(trace: Trace, bundle: SumoBundle, frames: IntArray) -> NDArray[np.bool_]:
-    """Return which actors were in the ego's line of sight, [frames, actors], without the sensors' noise and misses."""
+    """Return which actors are in the ego's line of sight, [frames, actors], without the noise and the misses of the
+    sensors.
+    """
     sight = sight_of(trace, bundle)
     seen = np.zeros((len(frames), len(trace.actors)), dtype=np.bool_)
     seen[:, 0] = True
@@ -220,7 +230,9 @@ def _stretches(values: FloatArray, decimals: int) -> list[list[Any]]:
 
 
 def _ghosts(trace: Trace, frames: IntArray, columns: list[int], parent: Parent, opponent: str) -> dict[str, Any]:
-    """Return the poses of the parent's actors at the same times, for actors that deviate by more than `APART_M`."""
+    """Return the poses of the parent's actors at the same times, for actors that are more than `APART_M` away from
+    them.
+    """
     first = round(parent.start_s / STEP_S)
     at = frames + first
     within = at < parent.trace.frames
@@ -243,8 +255,11 @@ def _ghosts(trace: Trace, frames: IntArray, columns: list[int], parent: Parent, 
 
 
 def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
-    """Return the place of a parent's actor (or of the ego, if it has no such actor) at a time of the derived run, m;
-    empty if it is absent."""
+    """Return the place of an actor in the parent's run at a time of the derived run, m; empty if the actor is absent
+    then.
+
+    If the parent has no such actor, it is the place of the ego.
+    """
     columns = {info.id: k for k, info in enumerate(run.trace.actors)}
     frame = run.trace.frame_at(run.start_s + time_s)
     state = run.trace.states[frame, columns.get(actor, 0)]
@@ -252,9 +267,10 @@ def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
 
 
 def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Return the signal heads near the ego, each with a line `at` the road, cm, and `colours`: frame, colour, frame...
+    """Return the signal heads near the ego: for each a line `at` the road, cm, and `colours`: frame, colour, frame,
+    colour...
 
-    A colour is the name of a paint. A frame is an index into `frames`.
+    A colour is the name of a paint; a frame is an index into `frames`.
     """
     track = trace.states[:, 0, [X, Y]]
     heads = []
@@ -293,8 +309,10 @@ def _changes(states: list[str], link: int) -> list[int | str]:
 
 
 def _places(network: RoadNetwork, signal: Signal) -> Iterator[tuple[list[tuple[float, float]], int]]:
-    """Yield a line and a link index for each head: a part of the stop line for each movement from a lane, and a point
-    at both ends of a crossing."""
+    """Yield a line and the index of a link for each signal head.
+
+    The line is a part of the stop line for each movement from a lane, and a point at both ends of a crossing.
+    """
     links: dict[str, list[int]] = {}
     for movement in network.movements:
         if movement.tls == signal.tls and movement.link not in links.setdefault(movement.from_lane, []):

@@ -1,4 +1,4 @@
-"""Reads `campaign.json` of a finished campaign's folder."""
+"""Reads `campaign.json` in the folder of a finished campaign."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from foresee_dsl.errors import ForeseeError
 
 
 class _Part(BaseModel):
-    """A part of the file; keys that this version does not know are ignored."""
+    """A part of the file. Keys that this version does not know are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, populate_by_name=True)
 
 
 class Preventability(_Part):
-    """Whether a careful driver would have avoided a failure."""
+    """The judgement whether a careful driver would have avoided a failure."""
 
     verdict: str
     why: str = ""
 
 
 class Anticipation(_Part):
-    """Whether an anticipating driver would have prevented a failure, and by what."""
+    """The judgement whether an anticipating driver would have prevented a failure, and how."""
 
     answer: str
     why: str = ""
 
 
 class Nearest(_Part):
-    """A near miss: its measure's value, its time and the other actor."""
+    """A near miss: the value of its measure, its time and the other actor."""
 
     value: float | None
     time_s: float
@@ -52,7 +52,7 @@ class Reference(_Part):
 
 
 class _Run(_Part):
-    """What a campaign records of each run that it judges."""
+    """The facts that a campaign records of each run that it judges."""
 
     verdict: str
     broken_expectations: tuple[str, ...] = ()
@@ -64,7 +64,7 @@ class _Run(_Part):
 
 
 class ChildRun(_Run):
-    """A run of a mutant; `file`: its path in the campaign's folder if it failed."""
+    """A run of a mutant; `file`: the mutant's file in the campaign's folder, if the run failed."""
 
     mutant: str
     operators: tuple[str, ...] = ()
@@ -92,7 +92,9 @@ class CaseRun(_Run):
 
 
 class BoundaryRun(_Part):
-    """A run with a value near the boundary: it passes, fails, or ends otherwise."""
+    """A run near the boundary of a failure: the value of the changed number, and whether the run passes, fails, or ends
+    otherwise.
+    """
 
     value: float
     ended: str
@@ -121,7 +123,7 @@ class Minimised(_Part):
 
 
 class Judgement(_Part):
-    """Whose failure a finding is: in a word, in words, and why."""
+    """The judgement on a finding: whose failure it is, as a word and in words, and why."""
 
     word: str = ""
     text: str = ""
@@ -132,7 +134,7 @@ NO_JUDGEMENT = Judgement()
 
 
 class Finding(_Part):
-    """Failures with the same story; older versions wrote no number and no judgement."""
+    """Failures with the same story. Older versions wrote neither a number nor a judgement."""
 
     number: int = 0
     judgement: Judgement = NO_JUDGEMENT
@@ -155,7 +157,7 @@ class Finding(_Part):
 
 
 class Campaign(_Part):
-    """A campaign's result; `findings` is None if an older version, which did not group failures, wrote the file."""
+    """The result of a campaign; `findings` is None in a file of an older version, which did not group failures."""
 
     driver: str
     ranker: str = ""
@@ -186,22 +188,23 @@ def read_campaign_folder(folder: Path) -> Campaign:
     file = folder / JSON
     written = read_written(folder)
     if not written:
-        raise ForeseeError(f"{file} is not there: `foresee campaign PATH --out {folder}` writes it")
+        raise ForeseeError(f"{file} does not exist: `foresee campaign PATH --out {folder}` writes it")
     try:
         return Campaign.model_validate(written)
     except ValidationError as err:
         first = err.errors()[0]
         where = ".".join(map(str, first["loc"])) or "the file"
         raise ForeseeError(
-            f"{file} is not what a campaign writes ({where}: {first['msg']}): run the campaign again"
+            f"{file} was not written by a campaign of this version ({where}: {first['msg']}): run the campaign again"
         ) from err
 
 
 def campaign_folders(folder: Path) -> tuple[Path, ...]:
-    """Return the folders of campaigns under a folder: itself, or one for each driver of a campaign with several.
+    """Return the folders of campaigns in a folder: the folder itself, or one for each driver of a campaign with
+    several.
 
     Raises:
-        ForeseeError: there are none.
+        ForeseeError: it contains no campaign.
     """
     if (folder / "campaign.json").is_file():
         return (folder,)

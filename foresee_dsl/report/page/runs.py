@@ -36,7 +36,7 @@ from foresee_dsl.story import Moment, Story, tell
 from foresee_dsl.story.wording import quoted
 
 _CACHED_PARENTS = 4
-"""Number of test cases' traces that are kept in memory; children are read in the order of their test cases."""
+"""Number of test cases whose traces are kept in memory; children are read in the order of their test cases."""
 AROUND_M = 120.0
 """Roads and buildings are shown up to this distance from the ego, m. Ours: the widest picture is 200 m across."""
 TOLERANCE_M = 0.05
@@ -45,7 +45,7 @@ TOLERANCE_M = 0.05
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended, and its files.
+    """The end of a failing run, and the files of the run.
 
     Attributes:
         address: the argument of `foresee run`: the mutant's file, or the test case's address. trace: the trace's file.
@@ -70,8 +70,8 @@ class Outcome:
 
     @property
     def label(self) -> str:
-        """The run's name, with a note if the mutant was minimised."""
-        return f"{self.name}, made smaller" if self.minimised is not None else self.name
+        """Return the run's name, with a note if the mutant was minimised."""
+        return f"{self.name}, minimised" if self.minimised is not None else self.name
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Run:
         changes: the statements of the mutant; of the minimised mutant if there is one.
         unreduced: in that case, the statements of the mutant before it was minimised. note: how it was minimised.
         commands: label and command line of each command that reproduces it.
-        missing: for each part that cannot be shown, the reason.
+        missing: the reason for each part that cannot be shown.
     """
 
     outcome: Outcome
@@ -121,12 +121,12 @@ class Run:
 
     @property
     def command_lines(self) -> tuple[str, ...]:
-        """The command lines without their labels."""
+        """Return the command lines without their labels."""
         return tuple(command for _, command in self.commands)
 
 
 class Roads:
-    """The road networks of a page's runs, each once, cropped to the surroundings of the egos' tracks."""
+    """The road networks of a page's runs, each once, cropped to what is near the egos' tracks."""
 
     def __init__(self) -> None:
         self._networks: dict[int, RoadNetwork] = {}
@@ -166,20 +166,20 @@ def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> list[dict[st
 
 @dataclass
 class Reader:
-    """Reads the failing runs of campaigns; reads each file, test case and network once."""
+    """Reads the failing runs of campaigns. Each file, test case and network is read once."""
 
     roads: Roads = field(default_factory=Roads)
     playbacks: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """The playbacks of the runs so far, by id."""
+    """The playbacks of the runs that were read so far, by id."""
     plays: bool = True
-    """Whether playbacks are computed."""
+    """Whether playbacks are computed, which takes most of the time."""
 
     def __post_init__(self) -> None:
         self._project = Project(check_pin=False)
         self._trace = lru_cache(_CACHED_PARENTS)(Trace.load)
 
     def read(self, outcome: Outcome) -> Run:
-        """Return a run from its files; for each missing part, `Run.missing` states the reason."""
+        """Return a run, read from its files; `Run.missing` states the reason for each part that is missing."""
         missing: list[str] = []
         case = self._case(outcome, missing)
         trace = self._load(outcome.trace, missing)
@@ -244,7 +244,7 @@ class Reader:
         try:
             return self._project.test_case(outcome.address)
         except InputError as err:
-            missing.append(f"{outcome.address} cannot be read any more: {err.diagnostics[0].message}")
+            missing.append(f"{outcome.address} can no longer be read: {err.diagnostics[0].message}")
         return None
 
     def _load(self, file: Path | None, missing: list[str]) -> Trace | None:
@@ -267,7 +267,7 @@ class Reader:
             missing.append(f"its road cannot be drawn: {err}")
             return None
         if [actor.id for actor in bundle.scene.actors] != [info.id for info in trace.actors]:
-            missing.append("its actors are others now than those in the recorded run, which cannot be played")
+            missing.append("the file has other actors than the recorded run, which therefore cannot be played")
             return None
         return bundle
 
@@ -324,7 +324,7 @@ def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:
 
 
 def _changes(outcome: Outcome, case: TestCase | None) -> tuple[tuple[str, ...], tuple[str, ...], str]:
-    """Return what a mutant changes, what it changed before it was minimised, and a note on that."""
+    """Return the changes of a mutant, its changes before it was minimised, and a note about that."""
     mutant = case.mutant if case is not None else None
     if mutant is None:
         return (), (), ""

@@ -1,4 +1,4 @@
-"""The page of a single file: of a test case, clip or mutant, which is run for the page, or of a trace."""
+"""The page of a single file: of a test case, clip or mutant, which is run for the page, or of a recorded trace."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def write_view(
     Args:
         address: a test case, clip or mutant, or a trace's file.
         driver: driver of the run; "" for the recorded driver, or `pdm`.
-        say: is called with a note if a trace's parent is not shown because its driver is a program.
+        say: function that is called with a note if a trace's parent is not shown because its driver is a program.
 
     Raises:
         InputError: the file, or what it builds on, has errors.
@@ -105,10 +105,10 @@ def _trace(file: Path) -> Trace:
 
 
 def _recorded_driver(case: TestCase) -> str:
-    """Return the driver that a mutant's file records, else the default.
+    """Return the driver that a mutant's file records; without a record, the default driver.
 
     Raises:
-        DriverError: the file records a program, which is not started just to view the file.
+        DriverError: the file records a program, which is not started only to view the file.
     """
     driver = recorded_run(case.mutant.origin if case.mutant is not None else None)[0]
     if ":" in driver:
@@ -117,7 +117,7 @@ def _recorded_driver(case: TestCase) -> str:
 
 
 def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:
-    """Run the parent of a clip or mutant (a test case or a clip) and return it; None if there is none."""
+    """Run the parent of a clip or mutant (a test case or a clip) and return it; None if it has no parent."""
     if case.clip is None:
         return None
     parent = load_test_case(parent_address(str(case.source)), check_pin=False)

@@ -1,4 +1,4 @@
-"""The tables of a report: findings by family, kind, class and driver, near misses, and the raw numbers."""
+"""The tables of a report: findings by family, kind, class and driver, near misses, and all numbers of the campaigns."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_NEAR = 10
-"""Maximum number of near misses in the overview. Ours: one screen."""
+"""Maximum number of near misses in the overview. Ours: as many as fit on a screen."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of plain values; `total` is the last row, if there is one."""
+    """A table of plain values; `total` is its last row, or empty."""
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     total: tuple[str, ...] = ()
     texts: int = 1
-    """Number of columns on the left that hold text; the others hold numbers."""
+    """Number of columns on the left that contain text; the others contain numbers."""
 
 
 PREVENTABLE = f"preventable for {ANTICIPATING}"
@@ -95,13 +95,17 @@ def _nearest(sources: Sequence[Source]) -> Table:
 
 
 def _misses(near: Mapping[str, Nearest | None]) -> tuple[str, ...]:
-    """Return distance, time to collision, post-encroachment time and needed braking; "" for a measure without value."""
+    """Return distance, time to collision, post-encroachment time and needed braking as texts; "" for a measure without
+    a value.
+    """
     values = (near.get(name) for name in ("distance_m", "ttc_s", "pet_s", "drac_mps2"))
     return tuple("" if v is None or v.value is None else f"{v.value:.2f}" for v in values)
 
 
 def _by(what: str, findings: Sequence[FindingEntry], key: Callable[[FindingEntry], str]) -> Table:
-    """Return a table of findings and failing runs by a key, with those that the careful drivers would have avoided."""
+    """Return a table of findings and failing runs by a key, with the numbers that the careful drivers would have
+    avoided.
+    """
     names = list(dict.fromkeys(map(key, findings)))
     rows = [_row(name, [f for f in findings if key(f) == name]) for name in sorted(names)]
     headings = (what, "findings", "runs", *(answer.value for answer in Preventable), PREVENTABLE)
@@ -189,7 +193,7 @@ def _operator_table(campaign: Campaign, driver: str) -> Table:
 
 
 def _allocation_table(campaign: Campaign, driver: str) -> Table:
-    """Return the table of children by clip and round; the clips with most children come first."""
+    """Return the table of children by clip and round; the clips with the most children come first."""
     rounds = sorted({child.round or 0 for clip in campaign.clip_runs for child in clip.children})
     rows = []
     for clip in sorted(campaign.clip_runs, key=lambda clip: (-len(clip.children), clip.clip)):

@@ -1,4 +1,4 @@
-"""The live page of a scenario and its data: the current picture, or the errors in the text with their places."""
+"""Answers for the live page of a scenario: the current picture, or the errors in the text with their places."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from foresee_dsl.report.picture.draw import Drawing, draw
 from foresee_dsl.report.picture.subject import Mistake
 
 NARROWEST, WIDEST = 280.0, 2400.0
-"""Smallest and largest width of a picture, px: of a small phone and of a large screen (ours)."""
+"""Smallest and largest width of a picture, px. Ours: those of a small phone and of a large screen."""
 
 
 def answer(
@@ -34,7 +34,7 @@ def answer(
     `case`, `mistakes` (message, path, line and column, counted from 1; line 0 without a place), `files` (all files that
     were read).
 
-    If the file no longer has the case, its first case is drawn.
+    If the file no longer contains the case, its first case is drawn.
     """
     width = min(max(width, NARROWEST), WIDEST)
     for address in dict.fromkeys((f"{file}::{case}" if case else str(file), str(file))):
@@ -82,7 +82,8 @@ def _plain(message: str, path: str = "", line: int = 0, column: int = 0) -> dict
 
 
 def page_of(nonce: str, *, title: str, connect: str) -> str:
-    """Return the page, which loads no other files and requests pictures at `connect` ("": its host sends them).
+    """Return the page, which loads no other files and requests pictures at `connect` (if "", the page's host sends
+    them).
 
     Its content security policy allows only the scripts and styles with the nonce.
     """

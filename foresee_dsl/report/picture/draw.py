@@ -1,4 +1,4 @@
-"""Draws the file or case at an address, for the command line, the live page and the language server."""
+"""Draws the file or case of an address, for the command line, the live page and the language server."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from foresee_dsl.report.picture.subject import Mistake, SceneSubject
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture with its subject."""
+    """A picture together with the scene that it shows."""
 
     subject: SceneSubject
     sheet: Sheet
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        """The errors in the subject's text."""
+        """Return the errors in the text of the scene."""
         return self.subject.mistakes
 
 
@@ -38,7 +38,8 @@ def draw(
 
     Args:
         address: `FILE[::CASE]`. overlay: texts that replace those on the disk, by absolute path.
-        width: px. whole: show the whole network. live: letters for exactly this width, not for all widths.
+        width: px. whole: show the whole network. live: size the letters for exactly this width, not for any width at
+            which the picture may be shown.
         allow_outside: see `loading.load_test_case`.
 
     Raises:

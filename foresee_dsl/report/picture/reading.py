@@ -1,4 +1,4 @@
-"""Reads the subject of a picture from an address: a test case, placed as far as possible, or a network alone."""
+"""Finds the scene that an address names: a test case, placed as far as possible, or a network alone."""
 
 from __future__ import annotations
 
@@ -42,25 +42,27 @@ from foresee_dsl.report.picture.zones import where_is, zones_of
 from foresee_dsl.simulate.signals import colour_shown
 
 ALONE_M = 60.0
-"""The first part of a route that should be visible if it does not meet another route, m. Ours: 4 s at 50 km/h."""
+"""Length of a route that should be visible from its start if it does not meet another route, m. Ours: 4 s at 50
+km/h."""
 MEET_M = 12.0
-"""Two routes meet where their distance is less than half of this, m. Ours: the width of a junction of two lanes."""
+"""Two routes meet where they are less than half of this apart, m. Ours: the width of a junction of two lanes."""
 BEYOND_M = 15.0
 """A route should be visible up to this far behind the place where it meets another, m. Ours: three car lengths."""
 _ROUND = 48
-"""Number of corners of a slippery patch's outline. Ours: at a radius of 5 m it is within 1 cm of the circle."""
+"""Number of corners of the outline of a slippery patch. Ours: at a radius of 5 m the outline is within 1 cm of the
+circle."""
 _STEP_M = 2.0
 """Distance between the drawn points of a route, m. Ours: in a bend of 10 m radius the line is 5 cm off."""
 _PART = re.compile(r"(_back)?(#[0-9]+)?$")
-"""Suffixes that netconvert and the language add to a road's name."""
+"""Suffixes that netconvert and the language append to the name of a road."""
 _BEST_FIRST: tuple[SignalColour, ...] = ("green", "amber", "red", "off")
-"""Order in which a lane with several movements shows one of their colours."""
+"""The colours of a signal in the order in which they are chosen for a lane with several movements."""
 
 
 def read_subject(
     address: str, overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
 ) -> SceneSubject:
-    """Return the subject of the picture of an address; for a scenario with cases, if none is named, of the first case.
+    """Return the scene that an address names; if it names a scenario with cases but no case, that of the first case.
 
     `overlay`: texts of an editor that replace those on the disk, by absolute path.
 
@@ -89,7 +91,7 @@ def read_subject(
 
 
 def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), chosen: str = "") -> SceneSubject:
-    """Return the subject of a test case's picture; actors that cannot be placed are left out and reported."""
+    """Return the scene of a test case's picture; actors that cannot be placed are left out and reported as errors."""
     sketch = sketch_case(case)
     texts = TextPlaces(project, case)
     bodies = _bodies(case, sketch, texts, project)
@@ -218,7 +220,7 @@ def _speed(actor: PlacedActor) -> str:
 
 
 def _before(case: TestCase, project: Project) -> dict[str, FloatArray]:
-    """Return the footprints that a mutant's actors have in its clip, before the mutation."""
+    """Return the footprints that the actors of a mutant have in its clip, before the mutation."""
     if case.mutant is None:
         return {}
     try:
@@ -286,7 +288,7 @@ def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Itera
 
 
 def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[ShownWay]:
-    """Yield the paths that actors follow after a trigger."""
+    """Yield the paths that actors follow after a trigger has fired."""
     for number, when in enumerate(case.scenario.all(m.When)):
         for action in all_actions(when.actions):
             if not isinstance(action, m.FollowsPath) or action.actor not in tones:
@@ -299,13 +301,15 @@ def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mappin
 
 
 def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> float:
-    """Return the length of a route's first part that should be visible, m: until it has met all other ways."""
+    """Return the length of a route, from its start, that should be visible, m: up to where it has met all
+    other ways.
+    """
     import shapely
 
     line = shapely.LineString(points)
     furthest = ALONE_M if ego or not others else ALONE_M / 2
     for other in others:
-        # if the two run side by side, the first metres are enough
+        # If the two run side by side, it is enough that the first metres are visible.
         near = shapely.intersection(line, shapely.buffer(shapely.LineString(other), MEET_M / 2))
         if near.is_empty:
             continue
@@ -320,7 +324,9 @@ def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> floa
 def _heads(
     network: RoadNetwork, signals: Mapping[str, Signal], stages: Mapping[str, tuple[str, float]]
 ) -> Iterator[Head]:
-    """Yield the signal heads at the start; a lane shows the best colour of its movements (green, amber, red)."""
+    """Yield the signal heads at the start; a lane shows the colour of one of its movements: green before amber before
+    red.
+    """
     states: dict[str, str] = {}
     for name, signal in signals.items():
         stage, elapsed = stages.get(name, (signal.stages[0] if signal.stages else "", 0.0))

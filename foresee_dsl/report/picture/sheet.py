@@ -30,17 +30,17 @@ from foresee_dsl.report.picture.subject import Body, FloatArray, Name, Patch, Sc
 from foresee_dsl.report.safe_text import shortened
 
 MARGIN_M, MARGIN_SHARE = 12.0, 0.06
-"""Free margin around the relevant points: at least this many metres, and this share of the larger side. Ours: three
-lanes, and more in a large picture."""
+"""Margin that stays free around the relevant points: at least this many metres, and at least this share of the larger
+side. Ours: three lanes, and more in a large picture."""
 LEAST_M = 60.0
 """Smallest side of a picture, m. Ours: a junction with its approaches."""
 SNAP_M = 10.0
-"""Sides are multiples of this, m (of five times this in a large picture). Ours: while a user edits a text, the picture
-stands still if an actor moves by a metre."""
+"""The sides of a picture are multiples of this, m; of a large picture, of five times this. Ours: while a user edits a
+text, the picture stays the same if an actor moves by a metre."""
 FLATTEST, TALLEST = 0.5, 1.1
 """Smallest and largest ratio of height to width. Ours: both fit a screen beside a text, and an upright phone."""
 _ZONE_REACH_M = 60.0
-"""Largest side of a trigger place that must be completely in the picture, m (ours)."""
+"""A trigger place whose sides are not longer than this must be in the picture completely, m. Ours."""
 
 
 def frame_of(subject: SceneSubject, width: float, *, whole: bool) -> MapFrame:
@@ -91,7 +91,7 @@ def _concerned(subject: SceneSubject) -> Iterator[FloatArray]:
 
 
 def _rings(subject: SceneSubject) -> Iterator[FloatArray]:
-    """Yield the outlines of the roundabouts that a visible way passes; a picture shows them as a whole."""
+    """Yield the outlines of the roundabouts that a visible way passes; a picture shows each of them completely."""
     ways = [part_of(way) for way in subject.ways]
     for ring in subject.network.rings.values():
         outline = np.array(ring.polygon)
@@ -101,7 +101,7 @@ def _rings(subject: SceneSubject) -> Iterator[FloatArray]:
 
 
 def part_of(way: ShownWay) -> FloatArray:
-    """Return the first part of a way, which should be in the picture, [N, 2] m."""
+    """Return the first part of a way, [N, 2] m, which should be in the picture."""
     steps = np.hypot(*np.diff(way.points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return way.points[: max(int(np.searchsorted(along, way.matters_m)) + 1, 1)]
@@ -111,18 +111,19 @@ WIDTH = 720.0
 """Width of a picture in a file, px. Ours: a page's column; a phone shows it at half the size, with larger letters."""
 _LONGEST_NAME = 22
 _LINES_MOST = 6
-"""Maximum number of a mutant's changes, and of errors, that are listed under the title (ours)."""
+"""Maximum number of a mutant's changes, and of errors, that are listed under the title. Ours."""
 FILE_SIZES, LIVE_SIZES = Sizes(), Sizes(room=1.0)
 _ARROW_PX, _GOAL_PX, _MISTAKE_PX = 9.0, 6.0, 16.0
-"""Length of an arrowhead, and radii of the circles at a goal and around an error, px (ours)."""
+"""Length of an arrowhead, and radii of the circles at a goal and around an error, px. Ours."""
 
 
 def sheet_of(subject: SceneSubject, *, width: float = WIDTH, whole: bool = False, sizes: Sizes = FILE_SIZES) -> Sheet:
-    """Return the sheet of a subject.
+    """Return the sheet that shows a scene.
 
     Args:
-        subject: the contents. width: width of the sheet, px. whole: show the whole network, not only the actors' part.
-        sizes: letters: `FILE_SIZES` for a file that is shown at any width, `LIVE_SIZES` for exactly this width.
+        subject: the scene. width: width of the sheet, px. whole: show the whole network, not only the actors' part.
+        sizes: sizes of letters: `FILE_SIZES` for a file that may be shown at any width, `LIVE_SIZES` for exactly this
+            width.
     """
     head, top = _header(subject, width, sizes)
     frame = frame_of(subject, width - 2 * PAD, whole=whole)
@@ -161,7 +162,7 @@ def _header(subject: SceneSubject, width: float, sizes: Sizes) -> tuple[list[Dra
     return [DrawnPart("header", words=tuple(words))], y + PAD / 2
 
 
-_KEYS = {  # by the kind of the part that it explains
+_KEYS = {  # the texts of the legend, by the kind of the part that each explains
     "way-route": Key("ego-way", "route", line=True),
     "way-path": Key("a0-way", "path off the lanes", line=True, dash=(5.0, 4.0)),
     "zone": Key("zone-line", "trigger place", line=True, dash=(5.0, 3.0)),
@@ -181,7 +182,7 @@ _KEYS = {  # by the kind of the part that it explains
 
 @lru_cache(maxsize=12)
 def _ground(network: RoadNetwork, frame: MapFrame) -> tuple[DrawnPart, ...]:
-    """Return the roads of a frame; cached, because they do not change while a user edits a scenario."""
+    """Return the roads of a frame; cached, because they stay the same while a user edits a scenario."""
     left, bottom, right, top = frame.bounds
     ground = ground_of(network, within(frame.bounds))
     cut = {
@@ -195,7 +196,7 @@ def _ground(network: RoadNetwork, frame: MapFrame) -> tuple[DrawnPart, ...]:
 
 
 class _MapParts:
-    """Builds the parts of a map; names are placed one after the other, in the order of importance."""
+    """Builds the parts of a map. Names are placed one after the other, the most important ones first."""
 
     def __init__(self, subject: SceneSubject, frame: MapFrame, sizes: Sizes) -> None:
         self._subject, self._frame, self._sizes = subject, frame, sizes
@@ -203,10 +204,10 @@ class _MapParts:
         self._room = Room(self._whole)
         self._window = shapely.box(*frame.bounds)
         self._px = 1 / frame.scale
-        """Length of a pixel, m."""
+        """Length of a pixel in the world, m."""
 
     def parts(self) -> list[DrawnPart]:
-        """Return all parts in the order of drawing, from back to front."""
+        """Return all parts, from back to front."""
         bodies = [body for body in self._subject.bodies if self._sees(body)]
         for body in bodies:
             self._room.take(self._box(body))
@@ -226,7 +227,7 @@ class _MapParts:
         return [part for part in parts if part is not None]
 
     def _spare_ways(self) -> None:
-        """Mark the ways, so that names avoid them if there is another place."""
+        """Mark the actors' ways, so that names avoid them if there is another place."""
         for way in self._subject.ways:
             line = shapely.LineString(self._frame.pixels(way.points))
             for mark in np.arange(0.0, min(line.length, 3000.0), 8.0).tolist():
@@ -247,7 +248,7 @@ class _MapParts:
     def _words(
         self, paint: str, text: str, thing: LabelBox, *, size: str, insist: bool
     ) -> tuple[Words | None, Shape | None]:
-        """Return a label beside a thing, and the line to the thing if the label is not close to it."""
+        """Return a label beside a thing, and a line from the label to the thing if they are far apart."""
         px = getattr(self._sizes, size) * self._sizes.room
         box = self._room.beside(thing, width_of(text, px) + 4, px * LINE, insist=insist)
         if box is None:
@@ -274,7 +275,7 @@ class _MapParts:
             name, changes = shortened(body.name, _LONGEST_NAME), "".join(f", {change}" for change in body.changes)
             paint, thing = f"{body.tone}-name", self._box(body)
             label, leader = self._words(paint, name + changes, thing, size="text", insist=not changes)
-            if label is None:  # no room for the changes, which the title lists too
+            if label is None:  # there is no room for the changes here; the title lists them, too
                 label, leader = self._words(paint, name, thing, size="text", insist=True)
             words = (label,) if label is not None else ()
             shapes = (leader, *shapes) if leader is not None else shapes
@@ -299,7 +300,7 @@ class _MapParts:
         shapes.append(Shape("zone-line", rings, zone.closed, width=width, dash=dash))
         x, y = self._frame.point(*zone.at)
         thing = LabelBox(x - 5, y - 5, x + 5, y + 5)
-        if zone.closed:  # the name of a small place stands at its edge
+        if zone.closed:  # the name of a small place is put at its edge
             points = self._frame.pixels(np.vstack(rings))
             low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
             small = max(high[0] - low[0], high[1] - low[1]) < 160
@@ -387,7 +388,9 @@ class _MapParts:
 
 
 def _rank(body: Body) -> int:
-    """Return the order in which names are placed: the ego's, then other moving actors', then those of things."""
+    """Return the order in which names are placed: first the ego's, then those of other moving actors, then those of
+    things.
+    """
     return 0 if body.tone == "ego" else 2 if body.tone in ("thing", "traffic") else 1
 
 

@@ -1,4 +1,6 @@
-"""The contents of a picture, m: bodies, ways, trigger places, signals, names and errors, with their places in texts."""
+"""The contents of a picture in metres: bodies, ways, trigger places, signals, names and errors, with their places in
+the files.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 Tone = Literal["ego", "a0", "a1", "a2", "a3", "a4", "a5", "thing", "traffic"]
-"""A colour: of the ego, one of six for other actors in turn, of standing things, or of background traffic."""
+"""The colours of bodies: of the ego, six for other actors in turn, of standing things, and of background traffic."""
 TONES: tuple[Tone, ...] = ("a0", "a1", "a2", "a3", "a4", "a5")
 
 
@@ -46,7 +48,7 @@ class Body:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Its centre."""
+        """Return the centre of the body, m."""
         x, y = self.corners.mean(axis=0).tolist()
         return x, y
 
@@ -93,12 +95,12 @@ class Name:
     matters: bool
     place: TextPlace | None = None
     note: str = ""
-    """Text behind the name: the stage of the junction's signal."""
+    """Text after the name: the stage of the junction's signal."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """An error, with its place in the text and its point in the picture, m; None if it has none."""
+    """An error, with its place in the text, and its point in the picture, m; None if it has no such point."""
 
     message: str
     text: TextPlace | None
@@ -117,10 +119,10 @@ class Patch:
 
 @dataclass(frozen=True)
 class SceneSubject:
-    """The contents of a picture.
+    """The scene that a picture shows.
 
     Attributes:
-        title: the test case's address, or the network's name. about: its `doc`. changes: a mutant's change lines.
+        title: the test case's address, or the network's name. about: its `doc` text. changes: a mutant's change lines.
         cases: the cases of the file, in order. case: the case that is drawn. files: all files that were read.
     """
 

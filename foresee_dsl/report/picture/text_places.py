@@ -13,14 +13,17 @@ from foresee_dsl.report.drawing.sheet import TextPlace
 
 
 class TextPlaces:
-    """Finds the places of items; uses the project that loaded the test case, so that each file is read once."""
+    """Finds the places of items in files.
+
+    It uses the project that loaded the test case, so that each file is read once.
+    """
 
     def __init__(self, project: Project, case: TestCase) -> None:
         self._documents = _chain(project, case)
         self._network = _network(project, case)
 
     def actor(self, name: str) -> TextPlace | None:
-        """Return the place of an actor; in a mutant, of its first `change` if there is one."""
+        """Return the place of an actor; in a mutant, that of its first `change`, if it has one."""
         for document in self._documents:
             for item in document.model.body:
                 named = isinstance(item, m.Ego | m.Actor) and item.name == name
@@ -30,7 +33,7 @@ class TextPlaces:
         return None
 
     def trigger(self, kind: type[m.When | m.Expect], number: int) -> TextPlace | None:
-        """Return the place of the trigger or expectation with an index; None if the files have fewer."""
+        """Return the place of a trigger or expectation by its index; None if the files have fewer."""
         for document in self._documents:
             items = [item for item in document.model.body if isinstance(item, kind)]
             if number < len(items):
@@ -56,7 +59,7 @@ class TextPlaces:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All files that were read."""
+        """Return all files that were read."""
         files: dict[Path, None] = {}
         for document in (*self._documents, *((self._network[0],) if self._network is not None else ())):
             source: Document | None = document
@@ -67,7 +70,7 @@ class TextPlaces:
 
 
 def place_of(document: Document, item: m.Item) -> TextPlace | None:
-    """Return the place of an item of a document: in the document, or in one that it extends."""
+    """Return the place of an item of a document, which is in the document itself or in one that it extends."""
     source = document
     while (span := source.spans.get((id(item), ""))) is None:
         if source.base is None:
@@ -77,7 +80,7 @@ def place_of(document: Document, item: m.Item) -> TextPlace | None:
 
 
 def _chain(project: Project, case: TestCase) -> tuple[Document, ...]:
-    """Return the documents of a test case, the mutant's before its clip's."""
+    """Return the documents of a test case, that of a mutant before that of its clip."""
     if case.document is None:
         return ()
     documents = [case.document]

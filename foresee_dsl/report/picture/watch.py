@@ -23,14 +23,17 @@ from foresee_dsl.report.picture.draw import draw
 LOCAL = "127.0.0.1"
 """Only this machine may connect, because the page shows the contents of its files."""
 _LOOK_S = 0.15
-"""Time between two checks of the files, s. Ours: less than a blink, and a thousandth of a core for some files."""
+"""Time between two checks of the files, s. Ours: shorter than a blink; for some files it takes a thousandth of a
+core."""
 _ALIVE_S = 15.0
-"""Time after which an empty event is sent, s (ours); sending it fails if the page was closed."""
+"""Time after which an empty event is sent, s, because sending fails if the page was closed. Ours."""
 
 
 @dataclass
 class WatchedFile:
-    """A file with all files on which its picture depends, and the answers for their current state."""
+    """A file with all files on which its picture depends, and the answers that were computed for their current
+    state.
+    """
 
     file: Path
     case: str
@@ -76,7 +79,7 @@ def watch(
     try:
         server = ThreadingHTTPServer((LOCAL, port), _handler(watched, token))
     except OSError as err:
-        raise ForeseeError(f"port {port} cannot be used: {err.strerror}; --port 0 takes one that is free") from err
+        raise ForeseeError(f"port {port} cannot be used: {err.strerror}; --port 0 chooses a free port") from err
     server.daemon_threads = True
     say(f"the picture is at http://{LOCAL}:{server.server_port}/{token}/ (Ctrl-C ends)")
     if svg is not None:
@@ -91,14 +94,14 @@ def _rewrite(watched: WatchedFile, address: str, svg: Path, allow_outside: bool,
     """Write the SVG file again whenever a file of the picture has changed."""
     last: object = None
     while True:
-        watched.answer(watched.case, 720.0, whole=watched.whole)  # finds all files of the picture
+        watched.answer(watched.case, 720.0, whole=watched.whole)  # finds all files on which the picture depends
         if (now := watched.state()) != last:
             last = now
             try:
                 drawing = draw(address, whole=watched.whole, allow_outside=allow_outside)
                 write_whole(svg, svg_of(drawing.sheet))
             except (ForeseeError, OSError) as err:
-                say(f"{svg} stays as it was: {err}")
+                say(f"{svg} was not written again: {err}")
             else:
                 say(f"wrote {svg}")
         time.sleep(_LOOK_S)
@@ -114,7 +117,10 @@ def _stamp(file: Path) -> tuple[int, int] | None:
 
 def _handler(watched: WatchedFile, token: str) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
-        """Serves the page and its events to requests with the token that address this machine by its own names."""
+        """Serves the page and its events.
+
+        It answers only requests that contain the token and address this machine by one of its own names.
+        """
 
         protocol_version = "HTTP/1.1"
         server_version = "foresee"
@@ -125,7 +131,7 @@ def _handler(watched: WatchedFile, token: str) -> type[BaseHTTPRequestHandler]:
             parts = urlsplit(self.path)
             _, path_token, *rest = (*parts.path.split("/"), "", "")
             host = (self.headers.get("Host") or "").rpartition(":")[0]
-            # a page of another site may reach this port under its own host name: such a request is refused
+            # A page of another site may reach this port under a host name of its own; such a request is refused.
             if host not in (LOCAL, "localhost") or not secrets.compare_digest(path_token.encode(), token.encode()):
                 self._send(404, "text/plain; charset=utf-8", b"nothing is here\n")
             elif rest[0] == "events":
@@ -176,9 +182,9 @@ def _handler(watched: WatchedFile, token: str) -> type[BaseHTTPRequestHandler]:
                         spoke_s = time.monotonic()
                     time.sleep(_LOOK_S)
             except OSError:
-                return  # the page was closed
+                return  # the user has closed the page
 
         def log_message(self, format: str, *args: object) -> None:
-            """Log nothing, because the address contains the token."""
+            """Write no log, because the address contains the token."""
 
     return Handler

@@ -1,4 +1,4 @@
-"""Trigger places: the places in conditions of triggers and expectations, as outlines and lines, m."""
+"""Trigger places: the places that conditions of triggers and expectations name, as outlines and lines in metres."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 ACROSS_M = 3.0
-"""Half the length of a line across a way, m. Ours: beyond a lane's sides, and short of the next street."""
+"""Half the length of a line across a way, m. Ours: it reaches beyond the sides of a lane, and not to the next
+street."""
 _LEAST_MPS = 1.0
-"""Smallest speed that `eta` assumes, m/s (see `Measure`)."""
+"""Lowest speed with which `eta` is computed, m/s (see `Measure`)."""
 
 
 def zones_of(case: TestCase, sketch: Sketch, texts: TextPlaces) -> tuple[Zone, ...]:
@@ -78,7 +79,7 @@ def _measured(
     speed = max(actor.cruise_mps, _LEAST_MPS) if left.what == "eta" else 1.0
     s = passage.entry_s - si_of(part.right) * speed
     if s <= line.project(actor.x, actor.y)[0]:
-        return  # the condition holds from the beginning, so it has no place
+        return  # a condition that holds from the beginning has no place
     x, y, heading = line.at(s)
     aside_x, aside_y = -math.sin(heading) * ACROSS_M, math.cos(heading) * ACROSS_M
     across = np.array(((x + aside_x, y + aside_y), (x - aside_x, y - aside_y)))
@@ -86,7 +87,7 @@ def _measured(
 
 
 def _thing(of: m.Item, sketch: Sketch, actors: Mapping[str, PlacedActor]) -> BaseGeometry | None:
-    """Return the shape to which a distance is measured; None if it is unknown."""
+    """Return the shape up to which a distance is measured; None if it is unknown."""
     if isinstance(of, m.Named):
         name = word_of(of.name)
         if name in actors:
@@ -98,7 +99,7 @@ def _thing(of: m.Item, sketch: Sketch, actors: Mapping[str, PlacedActor]) -> Bas
 
 
 def where_is(place: m.Item, sketch: Sketch) -> tuple[float, float] | None:
-    """Return the point of a place in a condition or action, m; None if it is known only during a run."""
+    """Return the point of a place in a condition or action, m; None if the point is known only during a run."""
     if isinstance(place, m.Point):
         return si_of(place.x), si_of(place.y)
     return next((xy for written, xy in sketch.places.items() if written == place), None)

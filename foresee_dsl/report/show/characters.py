@@ -15,12 +15,13 @@ from foresee_dsl.report.show.panels import Panel, Role, Strip, panel_parts
 from foresee_dsl.report.strip import caption_of, legend_of
 
 WIDEST, NARROWEST = 40, 26
-"""Largest and smallest width of a panel with its frame, columns. Ours: in a window of 24 m a road of two lanes is at
-least six dots wide."""
+"""Largest and smallest width of a panel with its frame, columns. Ours: in a window of 24 m, a road of two lanes is then
+at least six dots wide."""
 PAIR_WIDEST = 32
-"""Largest width of a panel beside the parent's, columns. Ours: with wider panels two moments do not fit on a screen."""
+"""Largest width of a panel that is beside the parent's panel, columns. Ours: with wider panels, two moments do not fit
+on a screen."""
 _GAP = 1
-"""Columns between two panels."""
+"""Number of columns between two panels."""
 
 
 def strip_lines(strip: Strip, width: int) -> Iterator[Text]:
@@ -52,7 +53,9 @@ def _row(panels: Sequence[Panel], wide: int) -> Iterator[Text]:
 
 
 def layout(count: int, width: int) -> tuple[int, int]:
-    """Return the number of panels per row, and the columns of each, for a number of panels and a screen's width."""
+    """Return how many panels are in a row and how many columns each has, for a number of panels and the width of a
+    screen.
+    """
     fit = max(1, min((width + _GAP) // (NARROWEST + _GAP), count))
     rows = math.ceil(count / fit)
     per_row = math.ceil(count / rows)
@@ -60,7 +63,9 @@ def layout(count: int, width: int) -> tuple[int, int]:
 
 
 def panel_lines(panel: Panel, width: int) -> list[Text]:
-    """Return a panel with its frame: the moment above, the ego's speed, the gap and the window's side below."""
+    """Return a panel with its frame: above it the moment; below it the ego's speed, the gap and the side of
+    the window.
+    """
     columns = max(width - 2, 4)
     caption, figures = caption_of(panel)
     letter, side = panel.snapshot.letter, f" ↔{panel.side_m:g} m"

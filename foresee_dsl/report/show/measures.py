@@ -24,9 +24,10 @@ BoolArray = NDArray[np.bool_]
 
 
 SIGNAL_SHOWN_M = 60.0
-"""A signal farther ahead is not shown, m. Ours: at 50 km/h a driver begins to brake at this distance."""
+"""A signal farther ahead than this is not shown, m. Ours: at 50 km/h a driver begins to brake at this distance."""
 SIGNAL_SHOWN_BEHIND_M = 3.0
-"""A signal is shown until the ego's front is this far behind the stop line, m: an ego may stop a little beyond it."""
+"""A signal is shown until the ego's front is this far beyond the stop line, m, because an ego may stop a little beyond
+it. Ours."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class Measures:
     Attributes:
         time_s: time. ego_mps, other_mps: speeds. ego_mps2, other_mps2: accelerations.
         gap_m: distance between the footprints.
-        ttc_s: time to collision along the actors' paths; infinite if they do not meet.
-        ego_sees: the opponent is in range of the ego's sensors and not hidden.
-        other_sees: the ego would be visible to the same sensors at the opponent's place.
+        ttc_s: time to collision along the actors' paths; infinite if they do not meet. ego_sees: whether the opponent
+            is in range of the ego's sensors and not hidden. other_sees: whether the ego would be visible to the same
+            sensors at the opponent's place.
     """
 
     time_s: FloatArray

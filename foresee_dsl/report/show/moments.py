@@ -12,18 +12,21 @@ from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 VISIBLY_BRAKES_MPS2 = 2.0
-"""The ego brakes if it decelerates more than this for `LASTS_S`, m/s^2. Ours: releasing the accelerator gives under 1,
-comfortable braking 2."""
+"""The ego counts as braking if it decelerates by more than this for `LASTS_S`, m/s^2. Ours: releasing the accelerator
+gives less than 1, comfortable braking 2."""
 STARTS_MPS = 0.3
-"""An actor that stood sets off when it is faster than this, m/s. Ours: more than a standing vehicle drifts in SUMO."""
+"""An actor that stood has set off when it is faster than this, m/s. Ours: a standing vehicle in SUMO drifts more
+slowly."""
 LASTS_S = 0.2
 """A braking must last at least this long, s. Ours: shorter ones are noise."""
 BEFORE_CONTACT_S = 1.0
-"""Time before the contact of the last picture before it, s. Ours: the last moment at which a driver could react."""
+"""Time between the last picture before a contact and the contact, s. Ours: the last moment at which a driver could
+react."""
 APART_S = 0.25
-"""Moments closer than this share a picture, s. Ours: at 50 km/h a car moves by less than its length."""
+"""Moments that are closer together than this share a picture, s. Ours: at 50 km/h a car moves by less than its
+length."""
 TEXTS = 2
-"""Maximum number of events in a picture's caption; the most important ones are named."""
+"""Maximum number of events in the caption of a picture; the most important events are chosen."""
 MOST, LEAST = 6, 4
 """Largest and smallest number of pictures in a strip."""
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -50,7 +53,7 @@ def snapshots(trace: Trace, measures: Measures, opponent: str, *, most: int = MO
     candidates: list[tuple[int, int, str]] = [
         (0, 0, "start"),
         (0, end, _ending(trace, measures, end)),
-    ]  # rank, frame, text
+    ]  # for each event its rank, frame and text
     if end < last:
         candidates.append((5, last, "end"))
     if (seen := _first(measures.ego_sees, 1)) is not None:
@@ -69,7 +72,7 @@ def snapshots(trace: Trace, measures: Measures, opponent: str, *, most: int = MO
 
 
 def _end(trace: Trace, measures: Measures) -> int:
-    """Return the frame of the end; of a run that passed, the frame of the smallest gap."""
+    """Return the last frame of the run; if the run passed, the frame of the smallest gap."""
     gaps = measures.gap_m
     if trace.meta.get("verdict") != "pass" or not np.isfinite(gaps).any():
         return trace.frames - 1
@@ -84,20 +87,20 @@ def _ending(trace: Trace, measures: Measures, end: int) -> str:
 
 
 def _reaction_from(measures: Measures, *events: int | None) -> int:
-    """Return the frame from which on braking may be a reaction: the opponent becomes visible or sets off."""
+    """Return the first frame at which braking may be a reaction: when the opponent becomes visible or sets off."""
     frames = [frame for frame in events if frame is not None]
     return min(frames) if frames and not measures.ego_sees[:1].any() else 1
 
 
 def _first(holds: BoolArray, start: int, stop: int | None = None) -> int | None:
-    """Return the first frame, from `start` and before `stop`, at which a condition begins to hold; None without one."""
+    """Return the first frame in `start` to `stop` at which a condition begins to hold; None without one."""
     rising = np.flatnonzero(holds[1:] & ~holds[:-1]) + 1 if len(holds) > 1 else np.empty(0, np.intp)
     within = rising[(rising >= start) & (rising < (len(holds) if stop is None else stop))]
     return int(within[0]) if within.size else None
 
 
 def _lasting(holds: BoolArray) -> BoolArray:
-    """Return the frames from which on a condition holds for at least `LASTS_S`."""
+    """Return the frames from which a condition holds for at least `LASTS_S`."""
     count = round(LASTS_S / STEP_S)
     lasting = holds.copy()
     for shift in range(1, count):
@@ -114,7 +117,10 @@ def _begins(speeds: FloatArray, least: float) -> int | None:
 
 
 def _spaced(candidates: list[tuple[int, int, str]], most: int) -> list[tuple[int, str]]:
-    """Return the most important moments; one that is close to a more important one adds its words to that."""
+    """Return the most important moments.
+
+    The words of a moment that is close to a more important one are added to that one.
+    """
     moments: dict[int, list[str]] = {}
     for _, frame, text in sorted(candidates, key=lambda candidate: candidate[0]):
         near = next((other for other in moments if abs(other - frame) * STEP_S < APART_S), None)
@@ -126,7 +132,9 @@ def _spaced(candidates: list[tuple[int, int, str]], most: int) -> list[tuple[int
 
 
 def _filled(moments: list[tuple[int, str]], end: int) -> list[tuple[int, str]]:
-    """Return at least `LEAST` moments, by adding the middle of the longest interval before the contact."""
+    """Return at least `LEAST` moments: the middle of the longest interval before the contact is added as often as
+    needed.
+    """
     while len(moments) < LEAST:
         before = [frame for frame, _ in moments if frame <= end]
         pauses = [(b - a, (a + b) // 2) for a, b in pairwise(before)]

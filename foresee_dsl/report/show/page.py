@@ -26,21 +26,25 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 DIFFERS_M, DIFFERS_MPS, DIFFERS_RAD = 0.05, 0.05, 0.01
-"""Smaller differences in place (m), speed (m/s) and heading (rad) are ignored. Ours: 0.05 m in a picture is less than a
-pixel."""
+"""Differences up to this size in place (m), speed (m/s) and heading (rad) are ignored. Ours: 0.05 m in a picture is
+less than a pixel."""
 VISIBLE_M = 0.3
-"""Distance from which on two panels differ visibly, m. Ours: one dot of a panel in characters, at 16 m a side."""
+"""Two panels differ visibly if an actor is at least this far apart in them, m. Ours: one dot of a panel in characters,
+at 16 m a side."""
 _MOST = 6
-"""Maximum number of actors that are named. Ours: the others are background."""
+"""Maximum number of actors that are named. Ours: with more names, a reader would not see what matters."""
 
 
 @dataclass(frozen=True)
 class Departure:
-    """The first deviation of an actor from the parent's run.
+    """How an actor first deviates from the parent's run.
 
     Attributes:
-        actor: id of the actor. time_s: time of the first deviation, s. how: that deviation in words.
-        largest_m, largest_at_s: largest distance between both runs, m, and its time, s, while both last.
+        actor: id of the actor.
+        time_s: time of the first deviation, s.
+        how: that deviation in words.
+        largest_m, largest_at_s: largest distance between the actor's places in both runs, m, and its time, s, while
+        both runs last.
         model: the names of both models; "" if they are the same.
     """
 
@@ -53,7 +57,7 @@ class Departure:
 
 
 def departures(parent: Trace, child: Trace) -> tuple[Departure, ...]:
-    """Return the actors that move differently in the child's run, in the order in which they begin to."""
+    """Return the actors that move differently in the child's run, in the order in which they first deviate."""
     frames = min(parent.frames, child.frames)
     columns = {info.id: k for k, info in enumerate(parent.actors)}
     listed = []
@@ -77,7 +81,9 @@ def departures(parent: Trace, child: Trace) -> tuple[Departure, ...]:
 
 
 def parts_from(parent: Trace, child: Trace) -> float:
-    """Return the time from which on pictures of both runs differ, s: an actor is `VISIBLE_M` away; infinite if none."""
+    """Return the time from which pictures of both runs differ visibly, s: an actor is `VISIBLE_M` away; infinite if
+    they never do.
+    """
     frames = min(parent.frames, child.frames)
     ids = {info.id: k for k, info in enumerate(parent.actors)}
     pairs = [(ids[info.id], k) for k, info in enumerate(child.actors) if info.id in ids]
@@ -113,7 +119,7 @@ def _departure(parent: Trace, child: Trace, a: int, b: int, frames: int) -> Depa
 
 
 def in_words(departing: Sequence[Departure]) -> tuple[str, ...]:
-    """Return a sentence for each deviating actor, in the order in which they deviate."""
+    """Return a sentence for each deviating actor, in the order in which they first deviate."""
     lines = []
     for departure in departing[:_MOST]:
         model = f"is another model ({departure.model})" if departure.model else ""
@@ -126,16 +132,16 @@ def in_words(departing: Sequence[Departure]) -> tuple[str, ...]:
         lines.append(f"from {departure.time_s:.2f} s {departure.actor} {how}{grows}")
     if len(departing) > _MOST:
         lines.append(f"and {len(departing) - _MOST} more")
-    return tuple(lines) or ("all actors move in the same way: both runs are the same",)
+    return tuple(lines) or ("all actors move in the same way, so both runs are the same",)
 
 
 _PATH = 4000
-"""Maximum length of a path, characters: paths are not cut, because no system allows longer ones."""
+"""Maximum length of a path, characters. A path of this length is not cut, and no system allows longer ones."""
 
 
 @dataclass(frozen=True)
 class Page:
-    """A run, and the parent's run if it is a mutant's. `up`, `most`: see `make_strip`."""
+    """A run and, if it is a mutant's, the run of its parent. `up`, `most`: see `make_strip`."""
 
     run: ShownRun
     parent: ShownRun | None
@@ -144,7 +150,9 @@ class Page:
 
     @cached_property
     def strips(self) -> tuple[Strip, ...]:
-        """The run's strip; before it the parent's strip at the same moments and places, if there is a parent."""
+        """Return the strip of the run; if there is a parent, first the parent's strip at the same moments and
+        places.
+        """
         run, parent = self.run, self.parent
         title = "" if parent is None else f"this run: {_ended(run.trace)}"
         own = make_strip(run.trace, run.case, run.story, title=title, up=self.up, most=self.most)
@@ -154,14 +162,14 @@ class Page:
 
     @cached_property
     def departures(self) -> tuple[Departure, ...]:
-        """The actors that move differently from the parent's run; none without a parent."""
+        """Return the actors that move differently from the parent's run; none without a parent."""
         return departures(self.parent.trace, self.run.trace) if self.parent is not None else ()
 
     def lines(self, width: int, *, wrap: bool) -> Iterator[Text]:
         """Yield the page line by line.
 
         Args:
-            width: columns. wrap: break sentences at the width; otherwise each is one line, for a pipe.
+            width: columns. wrap: whether sentences are broken at the width; otherwise each is one line, for a pipe.
         """
         yield from self.head(width, wrap=wrap)
         yield Text()
@@ -201,7 +209,7 @@ class Page:
         yield from timeline(measures, strip.moments, strip.opponent, width, parent=before, signals=signals)
 
     def pictures(self, width: int) -> Iterator[Text]:
-        """Yield the strip; from the first visible difference from the parent's on, both strips side by side."""
+        """Yield the strip; after the first visible difference from the parent's strip, both strips side by side."""
         *parents, own = self.strips
         if not parents:
             yield from strip_lines(own, width)

@@ -1,4 +1,4 @@
-"""Panels: the map and the actors of a moment in a window around ego and opponent, with the ego's way or north up."""
+"""Panels of a strip: the map and the actors of a moment in a window around ego and opponent."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ SIDES_M = (16.0, 24.0, 32.0, 48.0, 64.0, 96.0)
 MARGIN_M = 5.0
 """Free space around ego and opponent within the window, m. Ours: one and a half lanes."""
 TOGETHER_M = 80.0
-"""A more distant opponent is not in the window, m. Ours: the range at which sensors see a car."""
+"""An opponent farther away than this is not in the window, m. Ours: the range at which sensors see a car."""
 AHEAD_SHARE = 0.2
-"""Without an opponent, the ego is this share of the window's side behind its middle, so that more of the road ahead is
-visible (ours)."""
+"""Without an opponent, the ego is this share of the window's side behind the middle, so that more of the road ahead is
+visible. Ours."""
 VIEW_S = 3.0
-"""A fixed view holds ego and opponent from this long before the most critical moment, s (ours), as `fitted` in
-`templates/report/scene.js`."""
+"""A fixed view contains ego and opponent from this long before the most critical moment, s. Ours; the same as in
+`fitted` of `templates/report/scene.js`."""
 _LONGEST_TITLE = 60
 """Maximum length of an actor's name in a tooltip, characters."""
 
@@ -47,7 +47,7 @@ _LONGEST_TITLE = 60
 class Role(StrEnum):
     """Roles of footprints, in the order of drawing; a ghost is an actor's footprint in the parent's run.
 
-    They are also the names of the footprints' paints.
+    The roles are also the names of the footprints' paints.
     """
 
     PARKED = "parked"
@@ -76,7 +76,7 @@ class Footprint:
 
     @property
     def middle(self) -> FloatArray:
-        """The middle of the footprint, [2] m in the panel."""
+        """Return the middle of the footprint, [2] m in the panel."""
         middle: FloatArray = self.corners.mean(axis=0)
         return middle
 
@@ -92,7 +92,7 @@ class PanelWindow:
 
     @property
     def bounds(self) -> Bounds:
-        """Bounds that contain the window in any orientation, m."""
+        """Return bounds that contain the window in any orientation, m."""
         reach = self.side_m * math.sqrt(0.5) + 1.0
         return self.x - reach, self.y - reach, self.x + reach, self.y + reach
 
@@ -128,12 +128,12 @@ class Panel:
 
     @property
     def side_m(self) -> float:
-        """Side of the window, m."""
+        """Return the side of the window, m."""
         return self.window.side_m
 
     @property
     def north_rad(self) -> float:
-        """Direction of north, counter-clockwise from the panel's right."""
+        """Return the direction of north, rad, counter-clockwise from the panel's right."""
         return math.pi / 2 + self.window.turn_rad
 
 
@@ -148,12 +148,12 @@ class Strip:
 
     @property
     def moments(self) -> tuple[Snapshot, ...]:
-        """The moments of the panels."""
+        """Return the moments of the panels."""
         return tuple(panel.snapshot for panel in self.panels)
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """The roles that occur in the panels."""
+        """Return the roles that occur in the panels."""
         present = {footprint.role for panel in self.panels for footprint in panel.footprints}
         return tuple(role for role in Role if role in present)
 
@@ -172,7 +172,7 @@ def strip_panels(
 
     Args:
         trace: the run. bundle: its compiled test case. measures: its values. opponent: id of the opponent, "" for none.
-        moments: the moments; those after the run's end are left out. windows: the window of each moment.
+        moments: the moments, of which those after the run's end are left out. windows: the window of each moment.
         ghost: the parent's run, whose ego and opponent are drawn as ghosts.
     """
     if not moments:
@@ -217,7 +217,7 @@ def windows_around(
 
     Args:
         trace: the run. bundle: its compiled test case. opponent: id of the opponent, "" for none. moments: the moments.
-        up: direction that is up: that of the ego's lane at the last moment, or north.
+        up: the direction that points upwards: that of the ego's lane at the last moment, or north.
     """
     turn = math.pi / 2 - _way(trace, bundle, moments[-1].frame) if up == "ego" and moments else 0.0
     return tuple(_window(trace, opponent, moment.frame, turn) for moment in moments)
@@ -250,7 +250,9 @@ def window_before(trace: Trace, bundle: SumoBundle, opponent: str, frame: int) -
 
 
 def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
-    """Return the heading of the ego's lane, so that roads are vertical; in a junction, the ego's own heading, rad."""
+    """Return the heading of the ego's lane, rad, with which roads are vertical in a panel; in a junction, the ego's own
+    heading.
+    """
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     near = bundle.network.nearest_lane(x, y, heading)
     if near is None or near.lane.internal:
@@ -269,7 +271,7 @@ def _window(trace: Trace, opponent: str, frame: int, turn: float) -> PanelWindow
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     if opponent:
         other = trace.states[frame, trace.index(opponent), [X, Y]]
-        if np.hypot(*(other - (x, y))) <= TOGETHER_M:  # False where it is absent
+        if np.hypot(*(other - (x, y))) <= TOGETHER_M:  # False where the actor is absent
             pair = np.array([(x, y), other.tolist()])
             turned = PanelWindow(0.0, 0.0, 0.0, turn).points(pair)
             reach = float(np.abs(turned[1] - turned[0]).max()) + 2 * MARGIN_M
@@ -309,7 +311,7 @@ def role_of(trace: Trace, actor: int, opponent: str) -> Role:
 
 
 def _footprint(trace: Trace, actor: int, frame: int, window: PanelWindow, role: Role) -> Footprint | None:
-    """Return an actor's footprint in a window; None if it is absent or outside."""
+    """Return an actor's footprint in a window; None if the actor is absent or outside the window."""
     row = trace.states[frame, actor]
     if np.isnan(row[X]):
         return None

@@ -1,4 +1,4 @@
-"""Finds the run to show: in a stored trace if there is one, otherwise by simulating the test case."""
+"""Finds the run to show: a stored trace if there is one, otherwise a new simulation of the test case."""
 
 from __future__ import annotations
 
@@ -45,19 +45,19 @@ class ShownRun:
 
     @cached_property
     def story(self) -> Story:
-        """The story of the run."""
+        """Return the story of the run."""
         from foresee_dsl.story import tell
 
         return tell(self.trace, self.case)
 
     @cached_property
     def bundle(self) -> SumoBundle:
-        """The compiled test case."""
+        """Return the compiled test case."""
         return compile_test_case(self.case)
 
     @cached_property
     def unfired(self) -> tuple[Unfired, ...]:
-        """The triggers that never fired, and how near they came."""
+        """Return the triggers that never fired, and how near they came to it."""
         return unfired(self.case.scenario, lambda: self.bundle, self.trace, sensors_of(self.driver))
 
 
@@ -67,8 +67,9 @@ class Wish:
 
     Attributes:
         driver: name of the driver; "" for the recorded driver, else `pdm`. seed: None for the recorded seed, else 0.
-        campaign: the campaign's folder. allow_outside: files may use others outside the project.
-        fresh: simulate, even if there is a stored trace. full: of a finding, show the mutant before it was minimised.
+        campaign: the campaign's folder. allow_outside: whether files may use others outside the project. fresh: whether
+            to simulate even if there is a stored trace. full: whether to show the mutant of a finding as it was before
+            it was minimised.
     """
 
     driver: str = ""
@@ -107,7 +108,7 @@ def of_address(address: str, wish: Wish) -> ShownRun:
 
 
 def parent_of(run: ShownRun, wish: Wish, say: Callable[[str], None]) -> ShownRun | None:
-    """Return the run of a mutant's clip with the same driver and seed; None if the run is not a mutant's.
+    """Return the run of a mutant's clip with the same driver and seed; None if the run is not that of a mutant.
 
     Args:
         run: the mutant's run. wish: the options of the command.
@@ -131,14 +132,14 @@ def _of_trace(path: Path, wish: Wish) -> ShownRun:
     meta = trace.meta
     address = str(meta.get("test_case", ""))
     if not address:
-        raise ForeseeError(f"{path} does not say which test case it is of; `foresee run FILE --out DIR` writes traces")
+        raise ForeseeError(f"{path} does not state its test case; `foresee run FILE --out DIR` writes traces that do")
     file = _relative(_locate(address, path))
     case = load_test_case(file, allow_outside=wish.allow_outside)
     recorded = str(meta.get("meaning", ""))
     if recorded != case.meaning:
         raise ForeseeError(
-            f"{path} is a run of {address} as it was ({recorded or 'not recorded'}); the file means something else now "
-            f"({case.meaning}): show the file itself, `foresee show {file}`"
+            f"{path} is a run of an earlier state of {address} ({recorded or 'not recorded'}); it has changed "
+            f"since then ({case.meaning}): show the file itself, `foresee show {file}`"
         )
     run = ShownRun(file, case, trace, str(meta.get("driver", "")), int(meta.get("seed", 0)), path)
     if [info.id for info in trace.actors] != [actor.id for actor in run.bundle.scene.actors]:
@@ -147,7 +148,9 @@ def _of_trace(path: Path, wish: Wish) -> ShownRun:
 
 
 def _locate(address: str, trace: Path) -> str:
-    """Return the address of a trace's test case: as the trace states it, or beside the trace (a campaign's `out`)."""
+    """Return the address of a trace's test case: the path that the trace states, or that file beside the trace (as in a
+    campaign's `out`).
+    """
     for folder in (Path(), trace.parent, trace.parent.parent):
         moved = (folder / address).as_posix()
         if is_file(parse_address(moved)[0]):
@@ -156,8 +159,10 @@ def _locate(address: str, trace: Path) -> str:
 
 
 def _stored(case: TestCase, wish: Wish) -> Iterator[Path]:
-    """Yield the files in which campaigns store the run's trace: in the campaign's folder, and in that of the file."""
-    beside = case.source.with_suffix(".npz")  # the trace of a minimised finding
+    """Yield the files in which campaigns store the run's trace: in the given campaign's folder, and in that of the
+    file.
+    """
+    beside = case.source.with_suffix(".npz")  # the trace of a minimised finding is in this folder
     if is_file(beside):
         yield beside
     folders = [wish.campaign, *(above for above in case.source.parents if (above / "traces").is_dir())]
@@ -168,7 +173,7 @@ def _stored(case: TestCase, wish: Wish) -> Iterator[Path]:
 
 
 def _same(file: Path, case: TestCase, driver: str, seed: int) -> Trace | None:
-    """Return a stored trace if it is of this test case, driver, seed and version, else None."""
+    """Return a stored trace if test case, driver, seed and version are the same; None otherwise."""
     try:
         trace = Trace.load(file)
     except (ValueError, OSError):
@@ -188,18 +193,22 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
 def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
     recorded, seed = recorded_run(case.mutant.origin if case.mutant is not None else None)
     if ":" in recorded and not wish.driver:
-        raise DriverError(f"{case.id} was recorded with a program as its driver: {recorded}. `--driver` starts one")
+        raise DriverError(
+            f"{case.id} was recorded with a program as its driver: {recorded}. `--driver` with this address starts it"
+        )
     return wish.driver or recorded, seed if wish.seed is None else wish.seed
 
 
 def _file_of_finding(name: str, wish: Wish) -> str:
-    """Return the address of a finding or another failure of a campaign; of the minimised mutant if there is one."""
+    """Return the address of a finding, or of another failure of a campaign; if the finding was minimised, that of the
+    minimised mutant.
+    """
     finding = find_failure(name, wish.campaign, tests=True)
     return ((not wish.full and finding.minimised) or finding.file).as_posix()
 
 
 def _relative(address: str) -> str:
-    """Return an address relative to the working folder, if it lies below it."""
+    """Return an address relative to the working folder, if the file lies in it."""
     file, case = parse_address(address)
     here = Path.cwd()
     near = file.resolve().relative_to(here) if file.resolve().is_relative_to(here) else file

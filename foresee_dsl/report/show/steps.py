@@ -1,4 +1,4 @@
-"""A run step by step: the driver's observations, its answers, and its reasons if it states them."""
+"""A run step by step: the driver's observations, its answers, and its reasons if the driver states them."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
 MOST_SEEN = 8
-"""Maximum number of listed objects; the others are counted. Ours: the nearest matter, and a screen has 24 lines."""
+"""Maximum number of objects that are listed; further ones are counted. Ours: the nearest matter, and a screen has 24
+lines."""
 SAME_M = 4.0
-"""An object gets the name of the nearest actor of its class within this distance, m. Ours: far more than the sensors'
+"""An object gets the name of the nearest actor of its class, up to this distance, m. Ours: far more than the sensors'
 errors, less than the distance between two cars in a queue."""
 _LABEL = 9
 
 
 @dataclass(frozen=True)
 class ShownStep:
-    """One step of a driver: its observation, its answer, and its reasons (none if it does not state any)."""
+    """One step of a driver: its observation, its answer, and its reasons (none if the driver states none)."""
 
     time_s: float
     measured_s: float
@@ -51,10 +52,10 @@ class ShownStep:
 
 
 class RecordingDriver:
-    """Records the steps of a driver; its answers are those of that driver."""
+    """A driver that answers as another driver does, and records that driver's steps."""
 
     def __init__(self, driver: Driver, from_s: float, to_s: float, every_s: float) -> None:
-        """Prepare to record a step every `every_s`, from one time to another, s."""
+        """Prepare to record one step in every `every_s`, from `from_s` to `to_s`, s."""
         self.name, self.version = driver.name, driver.version
         self.steps: list[ShownStep] = []
         self._driver, self._from_s, self._to_s = driver, from_s, to_s
@@ -85,7 +86,7 @@ class RecordingDriver:
 def recorded_steps(
     original: ShownRun, from_s: float = 0.0, to_s: float = math.inf, every_s: float = STEP_S
 ) -> tuple[tuple[ShownStep, ...], bool]:
-    """Repeat a run; return its steps, and whether it is identical to the run that is shown."""
+    """Repeat a run and return its steps, and whether the repeated run is identical to the run that is shown."""
     driver = RecordingDriver(load_driver(original.driver), from_s, to_s, every_s)
     result = run(original.bundle, driver, seed=original.seed, sensors=sensors_of(original.driver))
     return tuple(driver.steps), result.trace.digest == original.trace.digest
@@ -96,7 +97,7 @@ def step_lines(step: ShownStep, trace: Trace, opponent: str, width: int) -> Iter
 
     Args:
         step: the step. trace: the run, for the names of the objects. width: columns.
-        opponent: id of the opponent; it is always listed, however far away, or named as not seen.
+        opponent: id of the opponent, which is always listed, even if it is far away or not seen.
     """
     ego, names = step.ego, _names(step, trace)
     head = f"{step.time_s:6.2f} s  ego {ego.speed_mps * 3.6:.0f} km/h, {ego.acceleration_mps2:+.1f} m/s^2"
@@ -106,7 +107,7 @@ def step_lines(step: ShownStep, trace: Trace, opponent: str, width: int) -> Iter
     for number, reason in enumerate(step.reasons):
         yield _line("" if number else "because", _reason(reason, names), width)
     if not step.reasons:
-        yield _line("because", "this driver does not say why", width, style="dim")
+        yield _line("because", "this driver states no reasons", width, style="dim")
     nearest = [a for k, a in enumerate(step.actors) if k < MOST_SEEN or names.get(a.track) == opponent]
     for number, seen in enumerate(nearest):
         style = "red" if names.get(seen.track) == opponent else ""

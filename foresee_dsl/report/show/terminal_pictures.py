@@ -1,7 +1,7 @@
 """Pictures in a terminal: detects the protocol that it supports, and encodes pictures for kitty, iTerm and sixel.
 
-The packages term-image and textual-image also do this, but neither supports all three protocols, and one queries the
-terminal when it is imported; the three encoders here have some thirty lines.
+The packages term-image and textual-image do this, too, but neither supports all three protocols, and one of them
+queries the terminal when it is imported; the three encoders here have some thirty lines.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 ASKS_S = 0.15
-"""Time within which a terminal must state its abilities, s; otherwise it gets characters. Ours: only very distant ssh
-connections take longer."""
+"""Time that a terminal has to state its abilities, s; a terminal that does not answer gets characters. Ours: only very
+distant ssh connections take longer."""
 _KITTY_CHUNK = 4096
-"""Maximum size of a chunk in kitty's protocol, bytes."""
+"""Maximum size of a chunk in kitty's protocol, bytes (its documentation, "The graphics escape code")."""
 _COLOURS = 64
 """Number of colours in a sixel picture; a VT340 has 16, today's terminals have 256. Ours: a strip has a dozen colours
 and their mixtures."""
 
 
 class Pictures(StrEnum):
-    """The protocols for pictures."""
+    """The protocols with which pictures can be shown in a terminal."""
 
     AUTO = "auto"
     NONE = "none"
@@ -44,10 +44,10 @@ class Pictures(StrEnum):
 
 
 def way_of(environment: Mapping[str, str]) -> Pictures:
-    """Return the protocol that environment variables state for the terminal; `AUTO` if they do not state one."""
+    """Return the protocol that the environment variables of the terminal state; `AUTO` if they state none."""
     program, term = environment.get("TERM_PROGRAM", ""), environment.get("TERM", "")
     if term in ("", "dumb") or environment.get("TMUX") or term.startswith(("screen", "tmux")):
-        return Pictures.NONE  # a multiplexer does not pass pictures on
+        return Pictures.NONE  # a multiplexer does not pass pictures on to the terminal
     if environment.get("KITTY_WINDOW_ID") or term == "xterm-kitty" or program in ("ghostty", "WezTerm"):
         return Pictures.KITTY
     if program in ("iTerm.app", "mintty") or environment.get("LC_TERMINAL") == "iTerm2":
@@ -58,7 +58,9 @@ def way_of(environment: Mapping[str, str]) -> Pictures:
 
 
 def detect(environment: Mapping[str, str] | None = None) -> Pictures:
-    """Return the protocol of standard output: from the environment, else by querying the terminal; `NONE` if none."""
+    """Return the protocol of the standard output, from the environment or by querying the terminal; `NONE` if it has
+    none.
+    """
     if not (sys.stdout.isatty() and sys.stdin.isatty()):
         return Pictures.NONE
     way = way_of(os.environ if environment is None else environment)
@@ -66,18 +68,22 @@ def detect(environment: Mapping[str, str] | None = None) -> Pictures:
 
 
 def _says_sixel(answer: str) -> bool:
-    """Return whether a terminal's answer to the query of its attributes (DA1) holds a 4, which means sixel graphics."""
+    """Return whether a terminal's answer to the query of its attributes (DA1) contains a 4, which means sixel
+    graphics.
+    """
     attributes = re.search(r"\x1b\[\?([0-9;]+)c", answer)
     return attributes is not None and "4" in attributes.group(1).split(";")[1:]
 
 
 def _query(question: str) -> str:
-    """Send a query to the terminal and return its answer within `ASKS_S`; keys that are typed meanwhile are lost."""
+    """Send a query to the terminal and return its answer within `ASKS_S`; keys that the user presses meanwhile are
+    lost.
+    """
     try:
         import select
         import termios
         import tty
-    except ImportError:  # this system has no such terminals
+    except ImportError:  # a system without this module has no such terminals
         return ""
     keyboard = sys.stdin.fileno()
     try:
@@ -87,7 +93,8 @@ def _query(question: str) -> str:
     answer = b""
     try:
         tty.setcbreak(keyboard, termios.TCSANOW)
-        stream = getattr(sys.stdout, "trusted", sys.stdout)  # the stream of the command line escapes control codes
+        # Written to the descriptor, because the stream of the command line would escape control codes.
+        stream = getattr(sys.stdout, "trusted", sys.stdout)
         stream.write(question)
         stream.flush()
         until = time.monotonic() + ASKS_S
@@ -112,7 +119,7 @@ def encoded(png: bytes, way: Pictures) -> str:
         return "".join(_kitty(png))
     if way is Pictures.ITERM:
         data = base64.b64encode(png).decode("ascii")
-        width = int.from_bytes(png[16:20], "big")  # from the PNG's header
+        width = int.from_bytes(png[16:20], "big")  # width and height, from the header of the PNG
         return f"\x1b]1337;File=inline=1;size={len(png)};width={width}px:{data}\x07\n"
     try:
         from PIL import Image as Images

@@ -19,19 +19,19 @@ from foresee_dsl.report.show.moments import Snapshot
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _LABEL, _FIGURES = 18, 17
-"""Widths of a line's name and of its figures, columns."""
+"""Widths of a line's name and of the figures at its end, columns."""
 _LEAST_COLUMNS, _MOST_COLUMNS = 20, 120
 LEAST_MPS2 = 0.5
 """A line of an acceleration that never exceeds this is left out, m/s^2. Ours: half of the gentlest braking."""
 GAP_MOST_M = 50.0
-"""Larger gaps have the full bar, m."""
+"""A gap of at least this size has a full bar, m."""
 _EGO, _OTHER = PAINTS["ego"].terminal, PAINTS["opponent"].terminal
 _WAS = "  in its parent"
 
 
 @dataclass(frozen=True)
 class TimelineLine:
-    """A line: its name, a sign for each column, the figures at its end, its style."""
+    """A line of the timeline: its name, a sign for each column, the figures at its end, and its style."""
 
     name: str
     signs: str
@@ -48,7 +48,7 @@ def timeline(
     parent: Measures | None = None,
     signals: Sequence[str] = (),
 ) -> Iterator[Text]:
-    """Yield the lines of a timeline in a width: the moments' letters above, the seconds below.
+    """Yield the lines of a timeline, with the letters of the moments above and the seconds below.
 
     Args:
         measures: values of the run. moments: moments of the strip. opponent: id of the opponent, "" for none.
@@ -79,19 +79,19 @@ def _signal_line(colours: Sequence[str], columns: int) -> Text:
 
 
 def _as_long(measures: Measures, frames: int) -> Measures:
-    """Return measures cut to a number of frames, or extended to it with NaN (False)."""
+    """Return measures of this number of frames: cut, or extended with NaN (False)."""
     rest = max(frames - len(measures.time_s), 0)
     fitted: dict[str, Any] = {
         name: np.concatenate([values[:frames], np.full(rest, np.nan).astype(values.dtype) if rest else values[:0]])
         for name, values in vars(measures).items()
     }
     if rest:
-        fitted["ego_sees"][-rest:] = fitted["other_sees"][-rest:] = False  # NaN would be true
+        fitted["ego_sees"][-rest:] = fitted["other_sees"][-rest:] = False  # a comparison with NaN would be true here
     return Measures(**fitted)
 
 
 class _Scale:
-    """The frames of each column."""
+    """The frames that each column of the timeline stands for."""
 
     def __init__(self, time_s: FloatArray, columns: int) -> None:
         self._time_s, self._columns = time_s, columns
@@ -103,7 +103,7 @@ class _Scale:
         ]
 
     def of(self, values: FloatArray, worst: Callable[[FloatArray], float]) -> list[float]:
-        """Return a value for each column: the worst of its frames, NaN if they have none."""
+        """Return a value for each column: the worst value at its frames; NaN if they have none."""
         worsts = []
         for span in self._spans:
             part = values[span][~np.isnan(values[span])]
@@ -123,7 +123,7 @@ class _Scale:
         return min(int(time_s / self._step_s), self._columns - 1)
 
     def marks(self, moments: Sequence[Snapshot]) -> str:
-        """Return the letters of moments at their columns; a letter whose column is taken moves to the right."""
+        """Return the letters of moments at their columns; a letter whose column is occupied moves to the right."""
         signs = [" "] * self._columns
         for moment in moments:
             free = [k for k in range(self.column(moment.time_s), self._columns) if signs[k] == " "]
@@ -132,7 +132,7 @@ class _Scale:
         return "".join(signs)
 
     def seconds(self) -> str:
-        """Return the axis: numbers of seconds at their columns."""
+        """Return the axis: the numbers of seconds at their columns."""
         end = float(self._time_s[-1]) if len(self._time_s) else 0.0
         step = next(step for step in (0.5, 1, 2, 5, 10, 20, 50, 100) if step == 100 or end / step <= self._columns / 7)
         signs = [" "] * (self._columns + 4)
@@ -152,7 +152,7 @@ def _lines(measures: Measures, opponent: str, scale: _Scale, parent: Measures | 
     yield from _motion("ego", measures.ego_mps, measures.ego_mps2, scale, _EGO, was[0])
     if not opponent:
         return
-    stands = not _most(measures.other_mps) > STANDS_MPS  # the speed and sight of a static object are left out
+    stands = not _most(measures.other_mps) > STANDS_MPS  # of a static object, speed and sight are left out
     if not stands:
         yield from _motion(opponent, measures.other_mps, measures.other_mps2, scale, _OTHER, was[1])
     most = min(_most(measures.gap_m), GAP_MOST_M)
@@ -171,7 +171,7 @@ def _lines(measures: Measures, opponent: str, scale: _Scale, parent: Measures | 
 def _motion(
     name: str, mps: FloatArray, mps2: FloatArray, scale: _Scale, style: str, was: FloatArray | None
 ) -> Iterator[TimelineLine]:
-    """Yield the lines of an actor's speed, of its speed in the parent's run, of its braking and its acceleration."""
+    """Yield the lines of an actor's speed, its speed in the parent's run, its braking and its acceleration."""
     present = mps[~np.isnan(mps)]
     if not present.size:
         return
@@ -197,13 +197,13 @@ def _sight(words: str, holds: BoolArray, measures: Measures, scale: _Scale, styl
     if share in (0.0, 1.0):
         yield TimelineLine(words, signs, "all the time" if share else "never", style)
         return
-    # the time from which the last value holds
+    # The time from which the last value holds.
     since = float(measures.time_s[np.flatnonzero(holds != holds[-1])[-1] + 1])
     yield TimelineLine(words, signs, f"{'since' if holds[-1] else 'not since'} {since:.2f} s", style)
 
 
 def _bars(values: Sequence[float], most: float, *, least: float = 0.0) -> str:
-    """Return values as bars of eight heights; the lowest is zero; values that are NaN or below `least` have no bar."""
+    """Return values as bars of eight heights; the lowest is zero. A value that is NaN or below `least` has no bar."""
     signs = []
     for value in values:
         if math.isnan(value) or (least and value < least):

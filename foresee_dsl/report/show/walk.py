@@ -1,4 +1,4 @@
-"""Steps through a run by keys: shows the panel of a moment with the driver's observation, answer and reasons."""
+"""Steps through a run by keys: it shows the panel of a moment, and the driver's observation, answer and reasons."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ from foresee_dsl.simulate.trace import STEP_S
 HELP = "→ space: on   ←: back   ↓ ↑: a second   home end   q: leave"
 _SECOND = round(1.0 / STEP_S)
 _WIDE = 44
-"""Width of the panel, columns. Ours: it leaves room for the driver's words beside it on 120 columns, below it on 80."""
+"""Width of the panel, columns. Ours: on 120 columns it leaves room for the driver's words beside it, on 80 columns
+below it."""
 _BESIDE = 110
-"""From this number of columns on, the words stand beside the panel."""
+"""If the screen has at least this many columns, the words are beside the panel."""
 MOVES = {
     b"\x1b[C": 1, b"\x1bOC": 1, b" ": 1, b"l": 1, b"\x1b[D": -1, b"\x1bOD": -1, b"h": -1,
     b"\x1b[B": _SECOND, b"\x1bOB": _SECOND, b"j": _SECOND, b"\x1b[A": -_SECOND, b"\x1bOA": -_SECOND, b"k": -_SECOND,
     b"\x1b[H": -1_000_000, b"\x1bOH": -1_000_000, b"g": -1_000_000,
     b"\x1b[F": 1_000_000, b"\x1bOF": 1_000_000, b"G": 1_000_000,
 }  # fmt: skip
-"""Number of steps by which each key moves."""
+"""Number of steps by which each key moves in the run."""
 LEAVES = (b"q", b"\x1b", b"\x03", b"\x04", b"")
 
 
 class RunWalk:
-    """The screens of a walk, one for each step."""
+    """The screens that a user walks through, one for each step."""
 
     def __init__(self, page: Page, steps: Sequence[ShownStep]) -> None:
         self._page, self._steps = page, tuple(steps)
@@ -100,7 +101,7 @@ def walk(console: Console, tour: RunWalk) -> None:
 
 @contextmanager
 def _keys() -> Iterator[Iterator[bytes]]:
-    """Yield an iterator over the keys that the user presses; they are not echoed."""
+    """Yield an iterator over the keys that the user presses; the terminal does not show them."""
     import termios
     import tty
 

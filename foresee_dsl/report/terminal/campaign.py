@@ -1,4 +1,6 @@
-"""The terminal report of a campaign on one screen: its findings, what broke, what to type next, and the summary."""
+"""The terminal report of a campaign on one screen: its findings, failed steps, the commands to type next, and the
+summary.
+"""
 
 from __future__ import annotations
 
@@ -29,17 +31,18 @@ from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
 SCREEN_LINES, RESERVED_LINES = 40, 4
-"""Lines of a screen, and those of them that the command prints after the report: the page, notes on the store. Ours: a
-terminal of 40 lines, as windows of terminals are opened today."""
+"""Lines of a screen, and the lines of it that the command prints after the report (the page, notes on the store). Ours:
+terminals are opened with 40 lines today."""
 PIPE_COLUMNS, WIDEST_COLUMNS = 80, 500
-"""Width of the table in a pipe, columns, and the width from which a console is one that wraps no lines. Ours: builds'
-logs and mails are read at 80."""
+"""Columns of the table when the output is not a terminal, and columns from which a console is taken as one that wraps
+no lines. Ours: logs of builds and mails are read at 80 columns."""
 LEAST_ROWS = 10
-"""Findings are listed up to this number even where much broke."""
+"""Number of findings that are listed even if many runs broke and need lines of the screen."""
 NEAREST = 5
 """Maximum number of near misses that are printed."""
 NAMED = 3
-"""Maximum number of test cases, reasons or expectations that are named. Ours: the screen holds no more."""
+"""Maximum number of test cases, reasons or expectations that are named. Ours: there is no room for more on the
+screen."""
 
 
 def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = True) -> None:
@@ -71,7 +74,9 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
         *_summary(result, findings),
     ]
     if result.interrupted:
-        end.append(Text(f"Interrupted: what was finished is kept in {safe(out, WHOLE)}.", style="yellow"))
+        end.append(
+            Text(f"The campaign was interrupted; the finished runs are kept in {safe(out, WHOLE)}.", style="yellow")
+        )
     width = _width(console)
     used = sum(_height(line, width) for line in end)
     console.print()
@@ -91,7 +96,7 @@ def print_findings(
     campaign: Path,
     standing: Standing = Standing(),  # noqa: B008 - immutable
 ) -> None:
-    """Print all findings of a written campaign in its order, one line each, also those that the report folds."""
+    """Print all findings of a written campaign in its order, one line each, including those that the report folds."""
     rows = [_Row.of_written(finding, standing) for finding in findings]
     for line in _lines(rows, _width(console)):
         console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
@@ -105,7 +110,7 @@ def print_findings(
 
 @dataclass(frozen=True)
 class _Row:
-    """A line of the table of findings."""
+    """A line in the table of findings."""
 
     number: int
     whose: str
@@ -116,7 +121,7 @@ class _Row:
 
     @classmethod
     def of(cls, finding: Finding, standing: Standing) -> _Row:
-        """Return the row of a finding."""
+        """Return the line of a finding."""
         changes = finding.run.changes if isinstance(finding.run, ChildOutcome) else []
         whose = finding.responsibility.whose.value
         since = _since(finding.story_key, standing)
@@ -124,7 +129,7 @@ class _Row:
 
     @classmethod
     def of_written(cls, finding: Mapping[str, Any], standing: Standing) -> _Row:
-        """Return the row of a finding of `campaign.json`."""
+        """Return the line of a finding of `campaign.json`."""
         small = finding.get("minimised")
         change = _change(small["changed"]) if small else "" if finding.get("clip") else _change(())
         since = _since(str(finding.get("story", "")), standing)
@@ -148,7 +153,7 @@ def _standing_lines(standing: Standing) -> Iterator[Text]:
 
 
 def _change(changes: Sequence[str]) -> str:
-    """Return the first of a mutant's changes, shortened: `walker.timing 1.23`."""
+    """Return the first of a mutant's changes, shortened, such as `walker.timing 1.23`."""
     if not changes:
         return "as written"
     what, _, values = changes[0].partition(": ")
@@ -174,7 +179,7 @@ def _table(findings: Sequence[Finding], standing: Standing, width: int, room: in
 
 
 def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
-    """Yield the lines of the table, each as wide as the terminal at most."""
+    """Yield the lines of the table, each at most as wide as the terminal."""
     if not rows:
         return
     whose = max(len("judgement"), *(len(row.whose) for row in rows))
@@ -199,7 +204,7 @@ def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
 
 
 def _width(console: Console) -> int:
-    """Return the width of the table: the console's, or in a pipe, whose lines are not wrapped, `PIPE_COLUMNS`."""
+    """Return the width of the table: that of the console; if lines are not wrapped, as in a pipe, `PIPE_COLUMNS`."""
     return console.width if console.width <= WIDEST_COLUMNS else PIPE_COLUMNS
 
 
@@ -216,11 +221,11 @@ def _in(out: Path) -> str:
 
 
 def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
-    """Yield what to type next."""
+    """Yield the commands that the user may type next."""
     first, where = findings[0].number, _in(out)
     commands = (
         (f"foresee show {first}{where}", "what happens, in pictures"),
-        (f"foresee review {first}{where}", "why, how near, what was withstood"),
+        (f"foresee review {first}{where}", "why it fails, how near it is to passing, which mutants passed"),
         (f"foresee keep {first}{where}", "make it a regression test"),
         (f"foresee review{where}", "list all findings"),
     )
@@ -231,7 +236,7 @@ def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
 
 
 def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Text]:
-    """Yield the counts: findings by whose they are, failed test cases and mutants, settings."""
+    """Yield the counts: findings by their judgement, failed test cases and mutants, and the settings."""
     settings, total = result.settings, result.row()
     if findings:
         failing = sum(finding.count for finding in findings)
@@ -244,7 +249,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     elif not result.failed and not result.broken:
         yield Text("no failures", style="bold green")
     if result.broken:
-        yield Text(f"{counted(len(result.broken), 'step')} could not be done", style="bold red")
+        yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
     failed = [seed for seed in result.seeds if not seed.passed]
     breaking = sum(map(_passed, failed))
     yield verdicts_line([s.verdict for s in result.seeds], [s.reason for s in failed], breaking=breaking)
@@ -266,7 +271,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
 
 
 def _allocated(result: CampaignResult) -> str:
-    """Return in words how many children the mutated clips got, and how many children were drawn near another."""
+    """Return, in words, how many children the mutated clips got, and how many children vary an earlier one."""
     clips = [clip for clip in result.clips if clip.children]
     counts = Counter(len(clip.children) for clip in clips)
     allocation = ", ".join(
@@ -277,14 +282,14 @@ def _allocated(result: CampaignResult) -> str:
 
 
 def file_of(finding: Finding, out: Path) -> Path | str:
-    """Return the file of a finding's run; for a test case its address."""
+    """Return the file of a finding's run; if it is the run of a test case, its address."""
     if isinstance(finding.representative, CaseRunOutcome):
         return finding.file
     return out / finding.run_file
 
 
 def _others_lines(result: CampaignResult, findings: Sequence[Finding], out: Path) -> Iterator[Text]:
-    """Yield failures without a story, which only results of older versions hold."""
+    """Yield failures without a story, which occur only in results of older versions."""
     listed = {name for finding in findings for name in (finding.name, *finding.siblings)}
     children = [child for child in result.to_open_first(len(listed) + NAMED) if child.name not in listed]
     others: list[tuple[str, Path | str]] = [
@@ -297,7 +302,7 @@ def _others_lines(result: CampaignResult, findings: Sequence[Finding], out: Path
 
 
 def _broken_lines(result: CampaignResult) -> Iterator[Text]:
-    """Yield runs that neither passed nor failed by their driving: crashes, hangs, late and invalid runs."""
+    """Yield runs that neither passed nor failed because of their driving: crashes, hangs, late and invalid runs."""
     driver = shlex.quote(result.settings.driver)
     cases = [seed for seed in result.seeds if not _passed(seed) and not seed.verdict.is_failure]
     if cases:
@@ -323,11 +328,11 @@ def _broken_lines(result: CampaignResult) -> Iterator[Text]:
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         yield Text(f"  {safe(reason, WHOLE)}: {names[0]}{more}")
     for what in result.broken[:NAMED]:
-        yield Text(f"  could not be done: {safe(what, WHOLE)}", style="red")
+        yield Text(f"   could not be run: {safe(what, WHOLE)}", style="red")
 
 
 def _breaking_lines(result: CampaignResult) -> Iterator[Text]:
-    """Yield the broken expectations of runs with the verdict `pass`, each with these runs."""
+    """Yield the broken expectations of runs with the verdict `pass`, and the runs that break each of them."""
     names: dict[str, list[str]] = {}
     for run in result.breaking:
         for sentence in run.broken_expectations:
@@ -345,7 +350,7 @@ def _breaking_lines(result: CampaignResult) -> Iterator[Text]:
 
 
 def _changed_lines(result: CampaignResult) -> Iterator[Text]:
-    """Yield what the driver changed in its process."""
+    """Yield the changes that the driver made to its process."""
     notes = [seed.notes for seed in result.seeds]
     notes += [clip.notes for clip in result.clips]
     notes += [child.notes for clip in result.clips for child in clip.children]
@@ -357,7 +362,7 @@ def _changed_lines(result: CampaignResult) -> Iterator[Text]:
 
 
 def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
-    """Yield the runs that came nearest to a failure, and what to try next."""
+    """Yield the runs that came nearest to a failure, and the commands to try next."""
     runs: list[tuple[float, str, str]] = [
         (*_nearest(seed.near), seed.id) for seed in result.seeds if seed.near is not None and _passed(seed)
     ]
@@ -385,7 +390,7 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
         and getattr(settings, field.name) != field.default
     )
     again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}{chosen}"
-    yield Text("\nWhat to try next (what is known is not run again):", style="bold")
+    yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
     preset = "paper" if settings.preset != "paper" else "focused"
     for why, more in (
@@ -400,7 +405,7 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
 
 
 def _nearest(near: NearMisses) -> tuple[float, str]:
-    """Return the smallest gap of a run, m, and the gap and time to collision in words."""
+    """Return the smallest gap of a run, m, and in words the gap and the time to collision."""
     ttc, gap = near.ttc_s, near.distance_m
     if gap is None:
         return math.inf, ""

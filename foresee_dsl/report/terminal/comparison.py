@@ -1,4 +1,6 @@
-"""The comparison of two versions of a driver, and the results of kept tests, for the terminal and pull requests."""
+"""Prints the comparison of two versions of a driver, and the results of kept tests, for the terminal and for pull
+requests.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,12 @@ _WIDTH = max(len(status.label) for status in Status) + 2
 
 
 def print_verification(console: Console, rechecks: Sequence[Recheck], written: Sequence[Path] | None = None) -> None:
-    """Print each test that is not as expected, then the counts.
+    """Print each test that did not end as expected, then the counts.
 
     `written`: the files whose expected results were updated; None without `--update`.
     """
     if not rechecks:
-        console.print("no tests there: `foresee keep` writes mutants with expected results", soft_wrap=True)
+        console.print("there are no tests: `foresee keep` writes mutants with expected results", soft_wrap=True)
         return
     for recheck in sorted(rechecks, key=lambda recheck: (_ORDER[recheck.status], recheck.file)):
         line = Text.assemble((f"{recheck.status.label:<{_WIDTH}}", recheck.status.style), recheck.file)
@@ -46,7 +48,7 @@ def _was(recheck: Recheck) -> tuple[str, ...]:
     if recheck.status is Status.STALE:
         return ()
     if recheck.was == in_words(None):
-        return (f"expected  nothing is recorded for {recheck.driver}",)
+        return (f"expected  no result is recorded for {recheck.driver}",)
     return (f"expected  {recheck.was} ({recheck.driver})",)
 
 
@@ -59,11 +61,14 @@ def _print_next(console: Console, counts: Counter[Status], written: Sequence[Pat
     for file in written:
         console.print(Text(f"written   {file}"), soft_wrap=True)
     if counts[Status.CRASHED] or counts[Status.TIMED_OUT] or counts[Status.STALE]:
-        console.print("crashes, timeouts and stale tests are never written: nothing is known of them", soft_wrap=True)
+        console.print(
+            "results of crashes, timeouts and stale tests are never written, because they do not say how the test ends",
+            soft_wrap=True,
+        )
 
 
 SHOWN = 20
-"""Maximum number of test cases of each kind on the terminal (ours); Markdown and JSON list more."""
+"""Maximum number of test cases of each kind on the terminal; Markdown and JSON list more. Ours."""
 SHOWN_IN_MARKDOWN = 100
 """Maximum number of test cases of each kind in Markdown. Ours: four such lists have fewer than the 65,536 characters
 that GitHub allows in a comment."""
@@ -142,7 +147,7 @@ def endings(pair: Pair) -> tuple[str, ...]:
 
 
 def nearer(near_miss: Nearer | None) -> str:
-    """Return a near miss that came nearer in words: `time to collision 2.10 s => 0.60 s, with walker`."""
+    """Return, in words, a near miss that came nearer: `time to collision 2.10 s => 0.60 s, with walker`."""
     if near_miss is None:
         return ""
     measure = MEASURES[near_miss.measure]

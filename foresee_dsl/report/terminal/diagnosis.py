@@ -1,5 +1,6 @@
-"""Diagnoses for the terminal, at most 80 columns: which part of the driver causes a failure, and what each ideal part
-changes."""
+"""Prints diagnoses in at most 80 columns: which part of the driver causes a failure, and what each ideal part
+changes.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from foresee_dsl.report.terminal.review import wrapped
 
 _NONE = "none (planning, or no driver could)"
 _PARTS = 22
-"""Width of the column of parts, columns."""
+"""Width of the column with the parts' names, columns."""
 
 
 def diagnosis_text(result: Diagnosed, *, short: bool = False) -> str:

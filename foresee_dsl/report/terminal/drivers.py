@@ -22,7 +22,7 @@ from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
 
 @contextmanager
 def runs_progress(console: Console, total: int) -> Iterator[Callable[[DriverRun], None]]:
-    """Show a progress bar on a terminal, nothing elsewhere; yield a function to call with each finished run."""
+    """Show a progress bar on a terminal, and nothing elsewhere; yield a function to call with each finished run."""
     with bars(console, TextColumn("runs")) as progress:
         task = progress.add_task("runs", total=total)
         yield lambda _: progress.advance(task)
@@ -65,7 +65,7 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
             ended = ending(run.verdict, run.broken_expectations)
             text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ended}: {how}"
             console.print(Text(text), soft_wrap=True)
-            if (run.driver, run.reason) not in noted:  # once for each place in a driver's code
+            if (run.driver, run.reason) not in noted:  # each place in a driver's code is printed once
                 noted.add((run.driver, run.reason))
                 print_notes(console, run.notes)
 

@@ -1,4 +1,6 @@
-"""The progress of a running campaign: bars on a terminal, a line every few seconds elsewhere, a log of all events."""
+"""Shows the progress of a running campaign: bars on a terminal, a line every few seconds elsewhere, and a log of all
+events.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ from foresee_dsl.report.terminal.time_left import RUNS, TimeLeft
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 TITLES = {step.kind: step.title for step in RUNS}
-"""Title of each kind of run; progress shows only these steps."""
+"""Title of each kind of run; the progress shows only steps that run something."""
 
 
 LONGEST_LINE = 99
@@ -59,13 +61,13 @@ class Figures(Listener):
         self.total: Counter[str] = Counter()
         self.finished: Counter[str] = Counter()
         self.run_here: Counter[str] = Counter()
-        """The finished runs that were not in the store."""
+        """The finished runs that were not in the store, counted by kind."""
         self.verdicts: Counter[str] = Counter()
         self.last_round: Round | None = None
         """The last round of children that has begun; None if children are not allocated in rounds."""
 
     def round(self, begun: Round) -> None:
-        """Remember the round that begins."""
+        """Remember the round of children that begins."""
         self.last_round = begun
         self._left.round(begun)
 
@@ -84,13 +86,17 @@ class Figures(Listener):
 
     @property
     def failures(self) -> dict[str, int]:
-        """Number of children by kind of failure, in the order of the tables, without kinds that did not occur."""
+        """Return the number of children by kind of failure, in the order of the tables, without kinds that did not
+        occur.
+        """
         kinds = (*FAILURES, Verdict.CRASH)
         return {kind.value: self.verdicts[kind.value] for kind in kinds if self.verdicts[kind.value]}
 
     def line(self) -> str:
-        """Return the time left, the failures, and the counts of what is not finished, in at most `LONGEST_LINE`
-        characters: those of the last stages are left out first."""
+        """Return a line with the time left, the failures, and the counts of what is not finished.
+
+        It has at most `LONGEST_LINE` characters: counts of the last stages are left out first.
+        """
         took_s = self._clock() - self._began
         rate = sum(self.run_here[kind] for kind in TITLES) / took_s if took_s > 0 else 0.0
         failures = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
@@ -106,19 +112,19 @@ class Figures(Listener):
         return f"{line}; {more}"
 
     def ahead(self) -> str:
-        """Return the share that is done and the time left in words, "" while they cannot be estimated."""
+        """Return, in words, the share that is done and the time left; "" while they cannot be estimated."""
         left_s = self._left.left_s
         return f"{self._left.shown_share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
 
 
 class FirstFailure(Listener):
-    """Remembers the name of the first run that failed."""
+    """Remembers the name of the first run of a campaign that failed."""
 
     def __init__(self) -> None:
         self.name = ""
 
     def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is called
-        """Remember the run's name if it is the first that failed."""
+        """Remember the run's name if the run is the first that failed."""
         verdict = next((kind for kind in Verdict if kind.value == row.verdict), Verdict.PASS)
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
         if not problem and row.kind in ("seed", "child"):
@@ -129,7 +135,7 @@ class FirstFailure(Listener):
 
 
 class PlainProgress(Figures):
-    """Prints a line every few seconds, and each problem at once."""
+    """Prints a line of progress every few seconds, and each problem at once."""
 
     def __init__(
         self,
@@ -151,17 +157,17 @@ class PlainProgress(Figures):
             self._print_line(self.line())
 
     def round(self, begun: Round) -> None:
-        """Print where its children go."""
+        """Print to which clips the children of the round go."""
         super().round(begun)
         self._print_line(begun.sentence)
 
     def broken(self, what: str) -> None:
-        """Print it."""
-        self._print_line(f"could not be done: {what}")
+        """Print a step that could not be run."""
+        self._print_line(f"could not be run: {what}")
 
 
 class RichProgress(Figures):
-    """Bars by kind of run, on a terminal."""
+    """Shows a bar for each kind of run on a terminal."""
 
     def __init__(self, console: Console, settings: CampaignSettings = CampaignSettings()) -> None:  # noqa: B008
         super().__init__(settings=settings)
@@ -189,7 +195,7 @@ class RichProgress(Figures):
             self.bars.console.print(f"  {problem}", style="dim", highlight=False, markup=False)
 
     def round(self, begun: Round) -> None:
-        """Show the round beside the children's bar, and print where its children go."""
+        """Show the round beside the children's bar, and print to which clips the children of the round go."""
         super().round(begun)
         self._describe_children()
         self.bars.console.print(f"  {begun.sentence}", style="dim", highlight=False, markup=False)
@@ -200,12 +206,12 @@ class RichProgress(Figures):
         self.bars.update(self._bars["child"], description="  ".join((TITLES["child"], *begun, *counts)))
 
     def broken(self, what: str) -> None:
-        """Print it."""
-        self.bars.console.print(f"  could not be done: {what}", style="red", highlight=False, markup=False)
+        """Print a step that could not be run."""
+        self.bars.console.print(f"  could not be run: {what}", style="red", highlight=False, markup=False)
 
 
 class _Rate(ProgressColumn):
-    """Recent number of runs per second."""
+    """A column with the number of runs per second in the last seconds."""
 
     def render(self, task: Bar) -> Text:
         return Text(f"{task.speed:.1f}/s" if task.speed else "", style="dim")
@@ -232,27 +238,27 @@ class JsonLog(Listener):
         self._file, self._clock = file, clock
 
     def write(self, event: str, **fields: object) -> None:
-        """Write one event."""
+        """Write one event with its fields."""
         self._file.write(json.dumps({"time": round(self._clock(), 3), "event": event, **fields}) + "\n")
         self._file.flush()
 
     def planned(self, kind: str, count: int) -> None:
-        """Write it."""
+        """Write that runs of a kind were planned."""
         self.write("planned", stage=kind, count=count)
 
     def done(self, row: Row, *, new: bool = True) -> None:
-        """Write it."""
+        """Write that a run was finished."""
         run = {"verdict": row.verdict, "reason": row.reason} if row.verdict else {}
         self.write("done" if new else "known", stage=row.kind, name=row.name, key=row.key, **run,
                    wall_s=round(row.wall_s, 4), simulated_s=round(row.simulated_s, 2), broken=row.broken)  # fmt: skip
 
     def round(self, begun: Round) -> None:
-        """Write it."""
+        """Write that a round of children begins."""
         self.write("round", number=begun.number, of=begun.of, children=begun.children, before=begun.before,
                    total=begun.total, clips=dict(begun.clips), ways=dict(begun.ways))  # fmt: skip
 
     def broken(self, what: str) -> None:
-        """Write it."""
+        """Write that a step could not be run."""
         self.write("broken", what=what)
 
 

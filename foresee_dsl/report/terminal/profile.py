@@ -1,4 +1,6 @@
-"""The terminal report of a profile: the time of a command by part of the tool, and the share of the driver."""
+"""The terminal report of a profile: the time of a command by part of the tool, and the share of it that the driver
+takes.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,9 @@ from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.tables import plain_table
 
 _LEAST = 0.0005
-"""Parts below this share of their group's time share one row. Ours: each would read 0.0 %."""
+"""Parts with less than this share of their group's time are joined in one row. Ours: each would read 0.0 %."""
 _COLUMNS = 80
-"""Width of the sentence: that of the table below it, also in a pipe."""
+"""Width of the sentence, columns: that of the table below it, also in a pipe."""
 
 
 def print_profile(console: Console, profile: Profile) -> None:
@@ -55,7 +57,7 @@ def _notes(profile: Profile) -> list[str]:
         share = profile.waited_s / (profile.waited_s + sum(part.wall_s for part in profile.parts))
         lines[0] += f"; {profile.workers} workers waited {profile.waited_s:.1f} s ({share:.0%})"
     if profile.not_measured:
-        lines.append(f"{profile.not_measured} results were in the store already: nothing was run, nothing measured")
+        lines.append(f"{profile.not_measured} results were in the store already, so nothing was run or measured")
     return lines
 
 

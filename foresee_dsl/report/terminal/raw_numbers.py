@@ -1,4 +1,4 @@
-"""The terminal report of a campaign's raw numbers, by family and kind of failure (`--raw`)."""
+"""The terminal report with all numbers of a campaign, by family and kind of failure (`--raw`)."""
 
 from __future__ import annotations
 

@@ -12,11 +12,11 @@ from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80
 _SCALE = 50
-"""Width of a scale, columns: one for each hundredth if the change is 0.5, as usual."""
+"""Width of a scale, columns: one for each hundredth of a change of 0.5, which is a usual size."""
 _SIBLINGS = 5
-"""Maximum number of other failures that are listed. Ours: two or three lines; `--json` has all."""
+"""Maximum number of other failures that are listed. Ours: they take two or three lines; `--json` has all of them."""
 _LONGEST = 5000
-"""Maximum length of a path or a command, characters: they are not cut."""
+"""Maximum length of a path or a command, characters. Nothing of this length is cut in practice."""
 _MARKS = {"passes": "o", "otherwise": "x", "fails": "X"}
 _MARGINS = {
     "distance_m": "{:.2f} m to {}",
@@ -105,10 +105,10 @@ def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
 
 
 def scale(edge: Mapping[str, Any]) -> str:
-    """Return the values that were run, from the unmutated to the mutated value, as marks on a line."""
+    """Return a line of marks, one for each value that was run, from the unmutated value to the mutated one."""
     marks, span = ["-"] * _SCALE, edge["first"] - edge["was"]
     order = list(_MARKS)
-    # failures come last, so that they replace a pass at the same place
+    # Failures are drawn last, so that they replace a pass at the same place.
     for run in sorted(edge["tried"], key=lambda run: order.index(run["ended"])):
         place = (run["value"] - edge["was"]) / span if span else 0.0
         if 0 <= place <= 1:
@@ -154,7 +154,7 @@ def _files(review: Review) -> Iterator[str]:
 
 
 def wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
-    """Return text in lines of 80 columns with an indent; the second and later lines are indented by `more` too."""
+    """Return text in lines of 80 columns with an indent; from the second line on, it is increased by `more`."""
     whole = " ".join(safe(text, _LONGEST).split())
     return textwrap.wrap(
         whole, WIDTH, initial_indent=indent, subsequent_indent=indent + more, break_long_words=False,

@@ -1,4 +1,4 @@
-"""The terminal report of single runs of test cases, with the driver's output and traceback."""
+"""The terminal report on runs of test cases, with the driver's output and traceback."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, ending, v
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _LINES = 30
-"""Maximum number of printed lines of a driver's output. Ours: the verdict above stays on the screen."""
+"""Maximum number of lines of a driver's output that are printed. Ours: the verdict above them stays on the screen."""
 
 
 def print_case_run(console: Console, run: CaseRun, trace: Path | None) -> None:
-    """Print how one run ended: verdict and reason, what happened, what the driver raised and printed."""
+    """Print how one run ended: verdict and reason, what happened in it, and what the driver raised and printed."""
     text = Text.assemble(f"{safe(run.case.id, WHOLE)}: ", ending(run.verdict, run.broken_expectations))
     text.append(f", {safe(without_verdict(run.verdict, run.reason), WHOLE)}")
     if run.result is not None:
         text.append(f" ({run.result.duration_s:.1f} s, {run.result.steps} steps)")
     console.print(text, soft_wrap=True)
     if run.result is not None:
-        # A clip is too short for most triggers to fire, so an unfired one means nothing.
+        # Most triggers have no time to fire within a clip, so one that did not fire there means nothing.
         print_run_details(console, run.result, triggers=run.case.clip is None)
     print_notes(console, run.notes)
     if trace is not None:
@@ -35,7 +35,7 @@ def print_case_run(console: Console, run: CaseRun, trace: Path | None) -> None:
 
 
 def print_notes(console: Console, notes: DriverNotes) -> None:
-    """Print a driver's traceback, what it changed of its process, and what it printed."""
+    """Print a driver's traceback, its changes to the process, and its output."""
     for line in notes.traceback.splitlines():
         console.print(Text(f"  {safe(line, WHOLE)}", style="red" if line[:1].strip() else "default"), soft_wrap=True)
     for line in changed_lines([notes]):
@@ -52,7 +52,7 @@ def print_notes(console: Console, notes: DriverNotes) -> None:
 
 
 def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: Mapping[str, Path]) -> None:
-    """Print several runs: how many failed and how, the failed runs in detail, and a table of all."""
+    """Print several runs: how many failed and how, the failed runs in detail, and a table of all runs."""
     failed = [run for run in runs if not run.passed]
     breaking = sum(run.verdict is Verdict.PASS for run in failed)
     headline = verdicts_line([run.verdict for run in runs], [run.reason for run in failed], breaking=breaking)
@@ -79,7 +79,7 @@ def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: 
 
 
 def _print_never_fired(console: Console, runs: Sequence[CaseRun]) -> None:
-    """Print the triggers and steps that fired in none of the cases of a file, if it has several."""
+    """Print the triggers and steps that fired in none of the cases of a file, if the file has several."""
     complete = [run for run in runs if run.result is not None and run.case.clip is None]
     by_file = {
         str(run.case.source): [other for other in complete if other.case.source == run.case.source] for run in complete

@@ -1,4 +1,4 @@
-"""Progress of a command in steps: a spinner on a terminal, a line every few seconds elsewhere."""
+"""Shows the progress of a command in steps: a spinner on a terminal, a line every few seconds elsewhere."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _Lines(threading.Thread):
         self._step = self._printed = ""
 
     def tell(self, step: str) -> None:
-        """Remember the step that begins."""
+        """Remember the step that begins, in words."""
         self._step = step
 
     def run(self) -> None:

@@ -1,4 +1,4 @@
-"""Tables and times for the terminal, and the details of a run."""
+"""Tables, durations and the details of a run for the terminal."""
 
 from __future__ import annotations
 
@@ -88,12 +88,13 @@ def _near_lines(near: NearMisses) -> list[str]:
 
 
 def _expectation_line(expectation: ExpectationResult) -> Text:
-    """Return an expectation with its label, whether it held, its margin, and the condition that decided."""
+    """Return the line of an expectation: its label, whether it held, its margin, and the condition that decided."""
     mark = Text("  held    ", style="green") if expectation.held else Text("  BROKEN  ", style="red")
     mark.append(safe(expectation.text), style="default")
     if expectation.margin is not None:
         margin = f"{expectation.margin:.2f} {expectation.unit}".rstrip()
-        alone = expectation.text.endswith(f" {expectation.decides}")  # then the text already contains the condition
+        # The text of the expectation already contains the condition.
+        alone = expectation.text.endswith(f" {expectation.decides}")
         mark.append(f"  (by {margin})" if alone else f"  (by {margin}: {expectation.decides})", style="dim")
     return mark
 

@@ -24,35 +24,39 @@ def _run_above(step: type[AnyStep]) -> str:
 
 
 RUNS = tuple(step for step in STEPS if step.drives)
-"""The steps that run test cases, clips or mutants, each after the step on which it depends."""
+"""The steps that run test cases, clips or mutants, in an order in which each comes after the step that it depends
+on."""
 _ABOVE = {step.kind: _run_above(step) for step in RUNS}
-"""For each kind of run the kind on which it depends; "" for the first."""
+"""For each kind of run, the kind on which it depends; "" for the first."""
 USUAL_SHARE = {"clip": 0.69, "child": 0.92}
-"""Share of the maximum number of runs per run above that usually takes place; it replaces the step's own `share`. Ours:
-the bundled library with `pdm`, 120 test cases, 332 clips, 1220 children."""
+"""Share of the maximum number of runs that usually takes place, per run of the kind above; it replaces the step's own
+`share`. Ours: the bundled library with `pdm`, 120 test cases, 332 clips, 1220 children."""
 _WEIGHT = 12
-"""The usual values have the weight of this many measured runs. Ours: a few runs change the estimate little, after fifty
-they nearly determine it."""
+"""Number of measured runs that have as much weight as the usual values. Ours: a few runs change the estimate little,
+after fifty they nearly determine it."""
 _FAILING = 0.1
-"""Assumed share of children that fail, until runs have shown it; a step's `share` refers to it. Ours, as above."""
+"""Share of children that are assumed to fail until runs have shown it; a step's `share` refers to it. Ours, measured as
+above."""
 _ALIKE_FROM, _ALIKE_POWER = 64, 0.36
-"""From this number of failures on, the number of findings grows with this power of it, because most failures repeat a
-story. Ours: the bundled library with `pdm`, 64 failures with 24 findings to be minimised, 1,985 with 82."""
+"""From this number of failures on, the number of findings is assumed to grow with this power of it, because most
+failures repeat a story. Ours: the bundled library with `pdm`, 64 failures with 24 findings to be minimised, 1,985 with
+82."""
 _SHOWN_FROM = 0.02
-"""Share of the work from which on an estimate is shown (ours)."""
+"""An estimate is shown when this share of the work is done. Ours."""
 _SMOOTH = 0.1
-"""Weight of the newest estimate of the whole duration in its average, which is updated every `_EVERY_S` (ours)."""
+"""Weight of the newest estimate of the whole duration in their average, which is updated every `_EVERY_S`. Ours."""
 _EVERY_S = 0.5
-"""Wall time between two updates of that average, s (ours)."""
+"""Wall time between two updates of that average, s. Ours."""
 _NEARLY = 0.9
-"""Share of the work from which on the time left is at least that of the remaining work at the average rate (ours)."""
+"""When this share of the work is done, the time left is at least that of the remaining work at the average rate.
+Ours."""
 
 
 class TimeLeft:
-    """An estimate that changes little from one moment to the next."""
+    """Estimates the time left, so that the estimate changes little from one moment to the next."""
 
     def __init__(self, settings: CampaignSettings, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start the clock."""
+        """Start the clock; `clock` returns the current time, s."""
         self._clock, self._began_s = clock, clock()
         at_most = {step.kind: step.at_most(settings) for step in RUNS}
         if "child" in at_most:
@@ -60,7 +64,7 @@ class TimeLeft:
         self._usual = {step.kind: at_most[step.kind] * USUAL_SHARE.get(step.kind, step.share) for step in RUNS}
         self._in_rounds = settings.allocation == "adaptive"
         self._children = 0
-        """Total number of children in all rounds, 0 until a later round states it or without rounds."""
+        """Total number of children in all rounds; 0 until a later round states it, or if there are no rounds."""
         self._planned: Counter[str] = Counter()
         self._finished: Counter[str] = Counter()
         self._failed: Counter[str] = Counter()
@@ -68,7 +72,7 @@ class TimeLeft:
         self._wall_s: defaultdict[str, float] = defaultdict(float)
         self._whole_s = 0.0
         self.shown_share = 0.0
-        """Share of the whole time that has passed, by the last `left_s`; it never falls."""
+        """Share of the whole time that had passed at the last call of `left_s`; it never decreases."""
         self._looked_s = self._began_s
 
     def planned(self, kind: str, count: int) -> None:
@@ -80,7 +84,7 @@ class TimeLeft:
         self._children = max(self._children, begun.total)
 
     def done(self, row: Row, *, new: bool) -> None:
-        """Count a finished run; `new`: it was run now and not taken from the store."""
+        """Count a finished run; `new`: whether it was run now, not taken from the store."""
         self._finished[row.kind] += 1
         self._failed[row.kind] += row.verdict in FAILURES
         if new:
@@ -89,7 +93,7 @@ class TimeLeft:
 
     @property
     def share(self) -> float:
-        """Share of the work that is done, 0 to 1."""
+        """Return the share of the work that is done, 0 to 1."""
         done, whole = 0.0, 0.0
         of_kind: dict[str, float] = {}
         for step in RUNS:
@@ -100,13 +104,14 @@ class TimeLeft:
                 seen = self._finished[above]
                 each = (self._planned[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:
-                    # A later round is planned only after the one before; until then the usual number counts.
+                    # A later round is planned only when the one before has ended; until then the usual number of
+                    # children counts.
                     expected = max(self._planned[kind], self._children or expected * self._usual[kind])
                 elif not step.after_all:
                     expected = self._planned[kind] + ahead * each
                 elif self._planned[kind]:
                     expected = float(self._planned[kind])
-                else:  # this step comes after all runs above, and only for those that failed
+                else:  # this step comes after all runs above it, and only for those that failed
                     failing = (self._failed[above] + _FAILING * _WEIGHT) / (seen + _WEIGHT)
                     alike = max(1.0, expected * failing / _ALIKE_FROM) ** (_ALIKE_POWER - 1)
                     expected *= failing * self._usual[kind] / _FAILING * alike
@@ -120,7 +125,7 @@ class TimeLeft:
 
     @property
     def left_s(self) -> float | None:
-        """Estimated wall time until the end, s; None while less than `_SHOWN_FROM` is done."""
+        """Return the estimated wall time until the end, s; None while less than `_SHOWN_FROM` of the work is done."""
         now_s, share = self._clock(), self.share
         if share < _SHOWN_FROM:
             return None
@@ -130,7 +135,7 @@ class TimeLeft:
         elif (looks := (now_s - self._looked_s) / _EVERY_S) >= 1:
             self._whole_s += (1 - (1 - _SMOOTH) ** looks) * (took_s / share - self._whole_s)
             self._looked_s = now_s
-        # Near the end the remaining work counts more than the average over the whole campaign.
+        # Near the end, the remaining work says more than the average over the whole campaign.
         left_s = max(took_s * (1 - share) / share if share > _NEARLY else 0.0, self._whole_s - took_s, 0.0)
         self.shown_share = max(self.shown_share, took_s / (took_s + left_s) if took_s else 0.0)
         return left_s

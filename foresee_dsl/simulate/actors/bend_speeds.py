@@ -21,23 +21,25 @@ from foresee_dsl.kernels.lines import speed_points
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 TURNS_WITH = 0.6
-"""Share of its lateral limit that a vehicle uses in a bend. Ours: 5.3 m/s^2 on a dry road, just under the 5.5 m/s^2
-from which netconvert computes the speed limits inside junctions. The rest is a reserve for corners in a map's lines and
-for braking within a bend."""
+"""Share of the lateral limit of a vehicle (tyres or tipping, `lateral_limit_mps2`) that it uses in a bend. Ours: 5.3
+m/s^2 on a dry road, just under the 5.5 m/s^2 from which netconvert computes the speed limits inside junctions. The
+remaining 40 % is a reserve for corners in a map's lines and for braking within a bend."""
 
 PLANNED_SHARE = 0.8
-"""Share of comfortable braking with which the approach of a bend is planned. Ours: the rest makes up for the lag of the
-brakes."""
+"""Share of its comfortable braking with which a vehicle slows down before a bend. Ours: the rest makes up for the delay
+with which brakes respond."""
 
 _SLOWEST_MPS = 1.0
-"""Lowest speed limit of a bend, m/s: where a line folds back, its curvature does not describe a drivable bend."""
+"""Lowest speed limit of a bend, m/s. Where a line folds back on itself, its curvature is not that of a bend that a
+vehicle could drive; without this floor the vehicle would stop there."""
 
 
 AHEAD_M = 60.0
 """Distance beyond the end of its lane up to which a vehicle considers bends, m. Ours: braking from 70 km/h with
 3.2 m/s^2 takes 58 m."""
 _EDGES = 4
-"""Maximum number of edges of its route that it considers. Ours: in a town four edges are longer than `AHEAD_M`."""
+"""Maximum number of edges of its route on which a vehicle looks for bends. Ours: in a town four edges are longer than
+`AHEAD_M`."""
 
 
 class BendSpeeds:
@@ -85,11 +87,12 @@ class BendStretch(NamedTuple):
 
 
 NO_BENDS = BendStretch(0, 0, math.inf)
-"""The stretch of a vehicle that is not on a lane."""
+"""The stretch for a vehicle that is not on a lane: it contains no bends."""
 
 
 class _StretchCache:
-    """The stretches that were computed for a network: all children of a clip drive on the same network.
+    """The stretches of one network computed so far; kept between runs, because all mutants of a clip drive on the same
+    network.
 
     Attributes:
         stretches: by lane, model, next edges and friction. points: the `SpeedPoint`s of all stretches.
@@ -107,8 +110,8 @@ class _StretchCache:
 
 _CACHES: WeakKeyDictionary[RoadNetwork, _StretchCache] = WeakKeyDictionary()
 _MOST_POINTS = 2**18
-"""Number of points (4 MB) above which a network's next run empties the cache. Ours: 400 random test cases of one town
-have 350,000."""
+"""Number of cached points (4 MB) above which the network's next run starts with an empty cache. Ours: 400 random test
+cases of one town have 350,000."""
 
 
 class LaneBends:
@@ -128,7 +131,9 @@ class LaneBends:
 
     @property
     def points(self) -> Records:
-        """[P] `SpeedPoint`s: the length along the lane of the point's stretch, and the speed that is possible there."""
+        """The `SpeedPoint`s of all stretches, [P]: each holds a length along the lane that its stretch begins with, and
+        the highest speed there.
+        """
         return self._cache.points
 
     def ahead(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> BendStretch:
@@ -148,7 +153,10 @@ class LaneBends:
         return stretch
 
     def _left(self, vehicle: str, route: Sequence[str], edge: str) -> tuple[str, ...]:
-        """Return the next edges of a route, which may pass an edge twice."""
+        """Return the edges of a route that follow the vehicle's current edge.
+
+        A route may pass an edge twice, so the search continues from the vehicle's last position.
+        """
         done = self._passed.get(vehicle, 0)
         if edge not in route[done:]:
             return (edge,)
@@ -161,7 +169,8 @@ class LaneBends:
         for name in self._following(lane, movement, edges, model):
             line = self._network.lanes[name].line
             turn = remainder(line.angles[0] - angles[-1], tau) - (line.angles[0] - angles[-1])
-            # Where lanes meet, two points may coincide; they are both kept, as the heading may change between them.
+            # Where two lanes meet, their end points may coincide. Both points are kept, because the heading may change
+            # between them.
             points += line.xy
             angles += [angle + turn for angle in line.angles]
         marks = lengths(points)
@@ -176,7 +185,9 @@ class LaneBends:
     def _following(
         self, lane: str, movement: Movement | None, edges: tuple[str, ...], model: ModelSpec
     ) -> Iterator[str]:
-        """Yield the lanes that follow on a route, up to `AHEAD_M`; of parallel lanes the nearest to the current one."""
+        """Yield the lanes that follow on a route, up to `AHEAD_M`; where several lanes are parallel, the one nearest to
+        the current lane.
+        """
         far = 0.0
         if movement is not None:
             rest = (*movement.via[movement.via.index(lane) + 1 :], movement.to_lane)
@@ -197,7 +208,9 @@ class LaneBends:
 
 
 def approached(limits: Sequence[float], s: Sequence[float], braking_mps2: float) -> list[float]:
-    """Return the highest speed (m/s) at each point from which this braking meets every limit that follows."""
+    """Return, for each point, the highest speed (m/s) from which a vehicle that brakes at this rate keeps every later
+    limit.
+    """
     speeds = list(limits)
     for k in range(len(speeds) - 2, -1, -1):
         speeds[k] = min(speeds[k], sqrt(speeds[k + 1] ** 2 + 2 * braking_mps2 * (s[k + 1] - s[k])))
@@ -205,7 +218,9 @@ def approached(limits: Sequence[float], s: Sequence[float], braking_mps2: float)
 
 
 def _turned(s: FloatArray, heading: FloatArray, behind_m: float, span_m: float) -> FloatArray:
-    """Return, for each point, the change of heading (rad) over the `span_m` that end `behind_m` before the point."""
+    """Return, for each point, by how much the heading changes (rad) over a stretch of `span_m` that ends `behind_m`
+    before the point.
+    """
     ends = s - behind_m
     turned: FloatArray = np.abs(np.interp(ends, s, heading) - np.interp(ends - span_m, s, heading))
     return turned

@@ -1,4 +1,4 @@
-"""Doors of vehicles: bodies at the vehicle's side that exist while they are open."""
+"""Doors of vehicles as actors: an open door is a body at the vehicle's side, a shut one is absent."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from foresee_dsl.simulate.world import World
 
 
 class OpenDoor(StaticActor):
-    """A door of an actor, which moves with that actor."""
+    """An actor's door, which moves with that actor."""
 
     __slots__ = ("_network", "_of", "is_open", "owner")
 
     def __init__(self, actor: PlacedActor, of: DoorOf, world: World, network: RoadNetwork, edge: str) -> None:
-        """Start absent; `belongs_to` and `follow` put the door at its owner's side."""
+        """Create the door absent from the world; call `belongs_to`, then `follow` in each step, to put it at its
+        owner's side.
+        """
         super().__init__(actor, world, network, edge)
         self._network, self._of = network, of
         self.owner: SimulatedActor = self
@@ -28,7 +30,7 @@ class OpenDoor(StaticActor):
         self.positions = ()
 
     def belongs_to(self, actors: Mapping[str, SimulatedActor]) -> None:
-        """Set `owner` to the actor whose door it is."""
+        """Find the actor whose door it is, and set `owner` to it."""
         self.owner = actors[self._of.actor]
 
     def swing(self, *, opens: bool) -> None:
@@ -37,7 +39,7 @@ class OpenDoor(StaticActor):
         self.follow()
 
     def follow(self) -> None:
-        """Move to the owner's side; absent while the door is shut or the owner is absent."""
+        """Move the door to its owner's side. It is absent while it is shut or while its owner is absent."""
         self.present = self.is_open and self.owner.present
         if not self.present:
             self.positions = ()

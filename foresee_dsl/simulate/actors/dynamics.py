@@ -36,7 +36,7 @@ motorcyclist leans up to 39 deg (0.8 g), a cyclist up to 22 deg (0.4 g)."""
 
 @dataclass(slots=True)
 class BicycleState:
-    """One moment of a vehicle; the columns of `Trace.states`.
+    """The state of a vehicle at one moment; its fields are the columns of `Trace.states`.
 
     Attributes:
         x, y: centre of the footprint (m). heading: rad, counter-clockwise from east. speed: m/s, never negative.
@@ -88,16 +88,15 @@ class Bicycle:
     sideways up to `lateral_limit_mps2`.
 
     Args:
-        limits: of the vehicle.
+        limits: the limits of the vehicle model.
 
-    Raises:
-        ValueError: a limit that must be positive is not.
+    Raises: ValueError: a limit is zero or negative that must be positive.
     """
 
     def __init__(self, limits: VehicleLimits) -> None:
         for name in ("wheelbase_m", "max_speed_mps", "friction"):
             if not getattr(limits, name) > 0:
-                raise ValueError(f"{limits.model}: {name} is {getattr(limits, name)}, must be positive")
+                raise ValueError(f"{limits.model}: {name} is {getattr(limits, name)}, and it must be positive")
         self.limits = limits
         self.rear_axle_m = limits.wheelbase_m + limits.front_overhang_m - limits.length_m / 2
         """Distance of the rear axle behind the centre of the footprint, m."""
@@ -117,7 +116,11 @@ class Bicycle:
         self._limits = np.array([record], dtype_of(BicycleLimits))
 
     def hold(self, friction: float) -> None:
-        """Use this friction coefficient from now on; `limits`, which the driver receives, keep the road's friction."""
+        """Use this tyre-road friction coefficient from now on.
+
+        `limits`, which the driver receives, stay unchanged: a driver knows the road's friction, but not that of a
+        slippery patch.
+        """
         self._limits["grip"] = friction * GRAVITY_MPS2
         self._limits["lateral"] = lateral_limit_mps2(self.limits.model, friction)
 
@@ -134,7 +137,7 @@ class Bicycle:
     def move(self, state: Records, control: Control, dt: float) -> None:
         """Advance a state by `dt` seconds in place; the state is an array of one `VehicleState`.
 
-        `control`: within its ranges (`checked`).
+        `control` must be within its ranges (see `checked`).
         """
         step(state, self._limits, control.steer, control.throttle, control.brake, dt)
 
@@ -151,7 +154,8 @@ class Bicycle:
         )
 
     def wheels(self, state: BicycleState, inset_m: float) -> FloatArray:
-        """Return one point for each wheel, [4, 2] m: on its axle, `inset_m` inside the vehicle's side.
+        """Return one point for each wheel, [4, 2] m, which lies on the wheel's axle, `inset_m` inside the vehicle's
+        side.
 
         The order is front left, rear left, rear right, front right.
         """
@@ -159,22 +163,30 @@ class Bicycle:
         return points
 
     def axles(self, inset_m: float) -> tuple[float, float, float]:
-        """Return the distances of both axles ahead of the centre, and that of a wheel's point to its side, m."""
+        """Return how far the front and the rear axle are ahead of the vehicle's centre, and how far a wheel's point is
+        from its middle line, m.
+        """
         rear = -self.rear_axle_m
         return self.limits.wheelbase_m + rear, rear, max(self.limits.width_m / 2 - inset_m, 0.0)
 
 
 def checked(control: Control) -> tuple[float, float, float]:
-    """Return steer, throttle and brake as floats within their ranges; a `ValueError` for a NaN or for a non-number."""
+    """Return steer, throttle and brake as floats, each moved to the nearest allowed value; a value that is NaN or not a
+    number raises a `ValueError`.
+    """
     try:
         steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
     except (TypeError, ValueError, AttributeError) as err:
-        raise ValueError(f"the driver answered {control!r}, not a control of three numbers") from err
+        raise ValueError(
+            f"the driver answered {control!r}; it must answer a Control with the numbers steer, throttle and brake"
+        ) from err
     if isnan(steer) or isnan(throttle) or isnan(brake):
-        raise ValueError(f"the driver answered a NaN: {control!r}")
+        raise ValueError(f"the driver answered {control!r}, in which a value is NaN")
     return max(-1.0, min(1.0, steer)), max(0.0, min(1.0, throttle)), max(0.0, min(1.0, brake))
 
 
 def centre_of_front(x: float, y: float, heading: float, length: float) -> tuple[float, float]:
-    """Return the centre of a footprint (m) from the middle of its front bumper, x and y (SUMO's reference point)."""
+    """Return the centre of a footprint, x and y (m), from the middle of its front bumper, which is SUMO's reference
+    point.
+    """
     return x - length / 2 * cos(heading), y - length / 2 * sin(heading)

@@ -1,4 +1,6 @@
-"""Vehicles that follow a path for part of a run and that SUMO drives otherwise, and the changes between them."""
+"""Vehicles that follow a path for a part of the run and are driven by SUMO before and after it, and the changes between
+the two.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ GOES_ON_M = 20.0
 longer than one step at any speed plus the length of a lorry, whose heading is computed over its length."""
 _EVERY_M = 2.0
 THERE_M = 0.1
-"""Distance to the end of its path within which a reversing vehicle that stands has arrived, m. Ours."""
+"""A reversing vehicle that stands within this distance of the end of its path has arrived, m. Ours."""
 
 
 class GuidedVehicle(SumoVehicle):
@@ -37,7 +39,7 @@ class GuidedVehicle(SumoVehicle):
     __slots__ = ("_edge", "_friction", "_group", "_roads", "_world", "backs", "ends_m", "guide", "route", "way")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
-        """Start where the scene places the actor: on a path, or on the lanes."""
+        """Place the actor as the scene says: on a path, or on the lanes."""
         self._world, self._roads, self._edge, self._friction = world, network, edge, friction
         self.guide: PathActor | None = None
         self.way: RouteLine | None = None
@@ -70,14 +72,15 @@ class GuidedVehicle(SumoVehicle):
         )
         before, self.guide = self.guide, PathActor(placed, self._world, self._edge, self._friction)
         if before is not None:
-            self.guide.stand_in = before.stand_in  # SUMO has it already
+            # SUMO already contains the vehicle, which then only changes who moves it.
+            self.guide.stand_in = before.stand_in
         self._group = PathGroup((self.guide,), (0,), StateTable((self.guide,)), self._roads)
         self.along = along_m
         self.lane = ""
 
     @property
     def joins_now(self) -> bool:
-        """Whether it reaches the end of its path in the next step and SUMO drives it from there."""
+        """Whether the vehicle reaches the end of its path in the next step, and SUMO drives it from there."""
         guide = self.guide
         if self.backs:
             return guide is not None and guide.along >= self.ends_m - THERE_M and guide.speed < STANDS_MPS
@@ -85,11 +88,11 @@ class GuidedVehicle(SumoVehicle):
 
     @property
     def arrived(self) -> bool:
-        """Whether it has reached the end of a path and stays there."""
+        """Whether the vehicle has reached the end of its path and stays there."""
         return self.guide is not None and self.way is None and self.guide.follower.arrived
 
     def back_up(self, length_m: float) -> None:
-        """Reverse along its lane by `length_m` from where it stands; afterwards SUMO drives it as before."""
+        """Let the vehicle, which stands, reverse along its lane by `length_m`; afterwards SUMO drives it as before."""
         line = self.placed.line
         if line is None:
             return
@@ -103,11 +106,11 @@ class GuidedVehicle(SumoVehicle):
 
     @property
     def room_m(self) -> float:
-        """Remaining length of its path, m."""
+        """Return the remaining length of its path, m."""
         return self.ends_m - self.along
 
     def step_on_path(self) -> None:
-        """Move one step along the path."""
+        """Move the vehicle along its path by one step."""
         if self.guide is not None:
             self._group.move()
             guide = self.guide
@@ -119,20 +122,23 @@ class GuidedVehicle(SumoVehicle):
             self.along = guide.along
 
     def show(self) -> None:
-        """Show it to SUMO's vehicles while it is on the path."""
+        """Make the vehicle visible to those that SUMO drives, while it follows its path."""
         if self.guide is not None and self.present:
             self._group.show()
 
     def hand_over(self) -> PlacedActor | None:
-        """Leave the path for the lanes: return the vehicle as SUMO must place it at the end of the next step, in the
-        middle of its lane; None if it does not join lanes."""
+        """Take the vehicle off its path, and return it as SUMO must place it at the end of the next step: in the middle
+        of its lane.
+
+        None if it does not join lanes.
+        """
         guide, way = self.guide, self.way
         if guide is None or way is None:
             return None
         x, y = self.front
         ahead_x, ahead_y = x, y
         if not self.backs:
-            self._group.move()  # where it is at the end of the step
+            self._group.move()  # its position at the end of the step
             ahead_x, ahead_y = guide.front
         s, _ = way.project(ahead_x, ahead_y)
         lane = self._roads.lanes[way.lane_at(s)]

@@ -1,4 +1,6 @@
-"""Inserts the actors of a scene into SUMO so that its right of way at frame 0 is as if they had driven there."""
+"""Inserts the actors of a scene into SUMO, so that from frame 0 SUMO grants right of way as if they had driven to their
+places.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from foresee_dsl.simulate.world import World
 
 GAINS_SHARE = 0.9
 """A vehicle inside a junction that accelerates with less than this share of its maximum, below the speed that it may
-drive, is treated as yielding or following. Ours: with nothing in the way SUMO accelerates with exactly its maximum."""
+drive, is treated as yielding or following. Ours: a vehicle of SUMO with nothing in its way accelerates with exactly its
+maximum."""
 MAY_DRIVE_MPS = 0.3
 """A vehicle that is at most this much slower than it may drive counts as driving at that speed. Ours: two steps of
 acceleration."""
@@ -44,7 +47,7 @@ class Insertion:
     ) -> None:
         """Use these parts of the simulation.
 
-        `vehicles`: the vehicles that SUMO drives. `cruise_mps`: cruising speed of each actor by id, m/s.
+        `vehicles`: the vehicles that SUMO drives, by id. `cruise_mps`: cruising speed of each actor by id, m/s.
         """
         self._world, self._shown_actors, self._traffic, self._vehicles = world, shown_actors, traffic, vehicles
         self._cruise_mps, self._progress = cruise_mps, progress
@@ -76,7 +79,8 @@ class Insertion:
         for vehicle in rolling:
             world.roll(vehicle.id, vehicle.speed, free=vehicle.acceleration > 0)
         for vehicle in self._vehicles.values() if bundle.network.bays else ():
-            if vehicle.lane in bundle.network.bays and vehicle.acceleration <= 0:  # it comes to stop there, or stands
+            # In a bay, a vehicle that does not speed up has come to stop there, so SUMO must not change its lane.
+            if vehicle.lane in bundle.network.bays and vehicle.acceleration <= 0:
                 world.keep_to_lane(vehicle.id, int(vehicle.lane.rpartition("_")[2]))
         self._traffic.slow_for_bends()
         self._shown_actors.show(0)
@@ -85,10 +89,11 @@ class Insertion:
             world.let_go(vehicle.id)
 
     def _insertion_order(self) -> tuple[list[list[SimulatedActor]], int]:
-        """Return which actors are inserted in which step, and from which step on stand-ins are shown.
+        """Return which actors are inserted in which step, and the step from which stand-ins are shown.
 
-        A vehicle inside a junction that stands or drives slower than it may is treated as yielding to a vehicle that
-        entered earlier. For the others the time since they entered is the distance inside divided by their speed.
+        A vehicle inside a junction that stands, or drives slower than it may, is treated as yielding to a vehicle that
+        entered earlier. For the other vehicles, the time since they entered is the distance inside divided by their
+        speed.
         """
         vehicles: list[SimulatedActor] = [self._shown_actors.ego, *self._vehicles.values()]
         bends = self._traffic.may_drive_mps()
@@ -113,7 +118,8 @@ class Insertion:
         inside_m = self._progress.inside(actor, 0)
         if inside_m <= 0.0:
             return 0.0
-        # A vehicle that leaves a bend accelerates too, but it has not waited.
+        # A vehicle that leaves a bend accelerates in the same way, but it has not waited; it drives as fast as the bend
+        # allows.
         waited = actor is not self._shown_actors.ego and _accelerates_freely(actor) and not at_speed
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
@@ -137,7 +143,9 @@ class Insertion:
                 self._world.hold(before[actor.id])
 
     def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
-        """Let SUMO take a step, then restore its vehicles' speeds; a moving vehicle gets at least `at_least_mps`."""
+        """Let SUMO take a step, then restore the speeds of its vehicles; a vehicle that moves gets at least
+        `at_least_mps`.
+        """
         self._world.step()
         self._shown_actors.settle()
         for vehicle in self._vehicles.values():

@@ -1,6 +1,7 @@
-"""Drives a vehicle from its steering perturbation on: it applies the offset for its duration and returns to the lane.
+"""Drives a vehicle from the beginning of its steering perturbation: first with the offset for its duration, then back
+to the lane.
 
-Until then SUMO drives the vehicle. A clip restores it from its `BicycleState` and the time.
+Until then SUMO drives the vehicle. A clip restores such a vehicle from its `BicycleState` and the time.
 """
 
 from __future__ import annotations
@@ -26,18 +27,19 @@ STOP_LINE_M = 0.5
 Ours: SUMO's cars halt within 1 m of the line."""
 
 SLOWING_S = 0.4
-"""Time constant of the reduction of excess speed, s. Limits are looked up this time ahead, which compensates the delay.
-Ours: four times the lag of the brakes."""
+"""Time constant with which speed above a limit is reduced, s. Limits are looked up this time ahead, which makes up for
+the delay. Ours: four times the lag of the brakes."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoverySettings:
-    """Parameters of an actor that SUMO does not drive any more. All ours unless stated otherwise.
+    """Parameters of an actor that SUMO no longer drives. All values are ours unless stated otherwise.
 
     Attributes:
         lookahead_s, lookahead_min_m: look-ahead of pure pursuit, and its least length. Measured with a car and a bus
             14 m off their lane at 14 to 30 m/s: 0.5 s overshoots the lane by 5 m, 0.9 s by 1 m, 1.2 s by 0.5 m; from
-            0.7 s to 1.2 s all are back within 8 s. A longer one cuts corners. The least length avoids oscillation at
+            0.7 s to 1.2 s all are back within 8 s. A longer look-ahead cuts corners. The least length avoids
+            oscillation at
             walking speed.
         recovery_mps2: lateral acceleration on the way back to the lane: 0.4 g, less than half of what dry tyres hold.
         headway_s, standstill_m: of the car-following model; SUMO's tau and minGap, so that the actor keeps the same
@@ -55,15 +57,14 @@ class LaneRecovery:
     """Drives an actor that SUMO drove before: it steers with an offset for a while, then returns to its lane.
 
     Laterally: while the offset acts, the wheel angle is that of the lane's bend plus the offset, and the error is not
-    corrected; afterwards pure pursuit (Coulter, CMU-RI-TR-92-01). Longitudinally: the Intelligent Driver Model
-    (Treiber et al., 2000) toward the cruising speed within the limits, and behind the nearest body in the way.
+    corrected; afterwards pure pursuit (Coulter, CMU-RI-TR-92-01). Longitudinally: the Intelligent Driver Model (Treiber
+    et al., 2000) toward the cruising speed within the limits, and behind the nearest body in the way.
 
-    Args:
-        limits: of the actor.
+    Args: limits: the limits of the actor's vehicle.
         line: the centreline of its route.
         cruise_mps: speed where nothing hinders it, m/s.
         offset: share of the largest steering angle (left positive), with its start and its duration (None: to the end).
-        lateral_bound_mps2: largest lateral acceleration that the offset may cause; None: as much as the tyres hold.
+        lateral_bound_mps2: largest lateral acceleration that the offset may cause; None: only the tyres limit it.
         line_m: lateral distance to the left of the line that it keeps, m.
         brakes: whether it brakes for others.
         settings: see `RecoverySettings`.
@@ -96,13 +97,15 @@ class LaneRecovery:
         self._near_s: float | None = None
 
     def take_over(self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0) -> BicycleState:
-        """Return the first state of an actor that SUMO moved until now; the wheel angle is that of the lane's bend."""
+        """Return the first state of an actor that SUMO moved until now; its wheels are at the angle of the
+        lane's bend.
+        """
         curvature = self._curvature[self._mark(self.line.project(x, y)[0])]
         steer = self.bicycle.steer_for(curvature)
         return BicycleState(x, y, heading, speed, acceleration, speed * curvature, steer)
 
     def done(self, state: BicycleState) -> bool:
-        """Return whether it has reached the end of its route."""
+        """Return whether the actor has reached the end of its route."""
         return self._along(state)[0] >= self._marks[-1] - 1e-6
 
     def step(
@@ -143,19 +146,20 @@ class LaneRecovery:
         if self.offset is None:
             return 0.0
         since = time_s - self.offset.start_s
-        # Half a microsecond of tolerance: times are sums of steps.
+        # Half a microsecond of tolerance, because times are sums of steps of 0.05 s, which are not exact in binary.
         within = since >= -5e-7 and (self.offset.duration_s is None or since < self.offset.duration_s - 5e-7)
         return self.offset.value if within else 0.0
 
     def _steering(self, state: BicycleState, offset: float, s: float, dt: float) -> float:
-        """Return the angle of the front wheels (rad) to turn to."""
+        """Return the angle of the front wheels (rad) that the steering turns to in this step."""
         limit = self.limits.steer_max_rad
         if offset:
             steer = self.bicycle.steer_for(self._curvature[self._mark(s)]) + offset * limit
             bound = self.offset_mps2
         else:
             steer, bound = self._pursuit(state, s), self.recovery_mps2
-        # The bound must also hold at the highest speed possible at the end of the step.
+        # The bound must hold during the whole step, so it is computed with the highest speed that is possible at its
+        # end.
         speed = state.speed + self.limits.acceleration_mps2 * dt
         limit = min(limit, atan(bound * self.limits.wheelbase_m / (speed * speed))) if speed > 0 else limit
         return max(-limit, min(limit, steer))
@@ -164,12 +168,13 @@ class LaneRecovery:
         """Return the front wheel angle (rad) of the arc from the rear axle to the look-ahead point."""
         ahead = max(self.settings.lookahead_min_m, self.settings.lookahead_s * state.speed)
         x, y = self.bicycle.rear_axle(state)
-        # The rear axle lies behind the centre that was projected.
+        # `s` is that of the footprint's centre; the look-ahead distance is measured from the rear axle, which is behind
+        # it.
         tx, ty, facing = self.line.at(s - self.bicycle.rear_axle_m + ahead)
         tx, ty = tx - self.line_m * sin(facing), ty + self.line_m * cos(facing)
         angle = wrap(atan2(ty - y, tx - x) - state.heading)
         distance = hypot(tx - x, ty - y)
-        if abs(angle) > pi / 2:  # the point lies behind: turn as hard as the bounds allow
+        if abs(angle) > pi / 2:  # the look-ahead point is behind the axle: turn as hard as the bounds allow
             return self.limits.steer_max_rad if angle > 0 else -self.limits.steer_max_rad
         return atan(2 * self.limits.wheelbase_m * sin(angle) / distance)
 
@@ -180,7 +185,7 @@ class LaneRecovery:
         wanted = max(0.1, min(self.cruise_mps, allowed, limits.max_speed_mps))
         if speed < wanted:
             free = limits.acceleration_mps2 * (1 - (speed / wanted) ** 4)
-        else:  # the model brakes only weakly just above the wanted speed; slow down with a time constant instead
+        else:  # just above the wanted speed the IDM brakes only weakly, so slow down with a time constant instead
             free = max((wanted - speed) / SLOWING_S, -limits.braking_mps2)
         acceleration = free
         for room, their_speed in targets:
@@ -191,11 +196,12 @@ class LaneRecovery:
         return max(acceleration, -limits.emergency_braking_mps2)
 
     def _line_ahead(self, state: BicycleState, room: float) -> tuple[Target, ...]:
-        """Return a stop line as a standing target; nothing if the line is behind or too near to stop at."""
+        """Return a stop line as a standing target; nothing if the line is behind the actor, or too near to stop at."""
         can_stop = state.speed**2 <= 2 * self.limits.emergency_braking_mps2 * (room + STOP_LINE_M)
         if room < -STOP_LINE_M or not can_stop:
             return ()
-        # The model keeps `standstill_m` from a body; at a line the front stops nearer, at `STOP_LINE_M`.
+        # The car-following model stops `standstill_m` behind a body. At a line the front should stop nearer, at
+        # `STOP_LINE_M`, so the target is placed behind the line.
         return (Target(room + self.settings.standstill_m - STOP_LINE_M, 0.0),)
 
     def _mark(self, s: float) -> int:
@@ -212,6 +218,8 @@ class LaneRecovery:
 
 
 def _allowed_speed(line: RouteLine, lateral_mps2: float, braking_mps2: float) -> list[float]:
-    """Return the highest speed (m/s) at each point from which it can slow down for every later limit and bend."""
+    """Return, for each point, the highest speed (m/s) from which the actor can still slow down for every later limit
+    and bend.
+    """
     bends = np.sqrt(lateral_mps2 / np.maximum(np.abs(line.curvature), 1e-9))
     return approached(np.minimum(line.speed_limit, bends).tolist(), line.s.tolist(), PLANNED_SHARE * braking_mps2)

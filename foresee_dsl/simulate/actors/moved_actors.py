@@ -1,6 +1,6 @@
-"""The actors that Python moves: the ego, path-followers, obstacles, and vehicles under a steering perturbation.
+"""The actors that Python moves: the ego, followers of paths, obstacles, and vehicles with a steering perturbation.
 
-Each of them moves itself by one step and determines where SUMO's vehicles see it.
+Each of them moves itself by one step, and determines where the vehicles of SUMO see it.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 PUSHED_MPS2 = 2.0
-"""Acceleration and braking of an obstacle on a path, whose model has none, m/s^2. Ours: a camera on a cart."""
+"""Acceleration and braking of an obstacle on a path, m/s^2; a model of an obstacle has none of its own. Ours: that of a
+cart."""
 KERB_M = 0.5
 """Distance before the edge of a crossing at which a pedestrian waits, m. Ours: toes behind the kerb."""
 PASSES_M = 1.1
-"""Distance from a lane's centreline from which a body does not block the lane, m. Ours: half a car's width plus 0.2
-m."""
+"""A body farther than this from a lane's centreline does not block the lane, m. Ours: half a car's width plus 0.2 m."""
 
 
 class EgoVehicle(SimulatedActor):
@@ -43,7 +43,7 @@ class EgoVehicle(SimulatedActor):
     __slots__ = ("_recorded", "_state", "motion")
 
     def __init__(self, actor: PlacedActor, friction: float) -> None:
-        """Start where the scene places the actor; `friction`: tyre-road coefficient."""
+        """Place the ego as the scene says; `friction`: tyre-road coefficient."""
         super().__init__(actor)
         self._state: Records = self._row.view(dtype_of(VehicleState))
         self.motion = Bicycle(limits_of(actor.model, friction))
@@ -51,7 +51,7 @@ class EgoVehicle(SimulatedActor):
 
     @property
     def limits(self) -> VehicleLimits:
-        """The limits of the vehicle."""
+        """The limits of the ego's vehicle."""
         return self.motion.limits
 
     def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
@@ -69,10 +69,10 @@ class EgoVehicle(SimulatedActor):
         state["steer"] = control.steer * limits.steer_max_rad
 
     def drive(self, control: Control) -> None:
-        """Move one step; the lane is read from the network, not from SUMO.
+        """Move the ego by one step; its lane is read from the network, not from SUMO.
 
-        While recorded states are left it moves to the next of them and ignores the driver's answer. `control`: with
-        values within their ranges.
+        While recorded states are left, the ego moves to the next of them and ignores the driver's answer. `control`
+        must be within its ranges.
         """
         recorded = next(self._recorded, None)
         if recorded is not None:
@@ -141,7 +141,7 @@ def _cubic(a: float, a_rate: float, b: float, b_rate: float, span_s: float, shar
 
 
 class LanePosition(NamedTuple):
-    """Position of a stand-in: x, y (m) and heading (rad) of its front, its length (m), its lane."""
+    """The place of a stand-in: x, y (m) and heading (rad) of its front, its length (m), and its lane."""
 
     front: tuple[float, float, float]
     length_m: float
@@ -149,21 +149,23 @@ class LanePosition(NamedTuple):
 
 
 class StandIn:
-    """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive.
+    """Vehicles of SUMO that stand in for a body that SUMO does not drive, so that SUMO's cars brake for it.
 
     Each lane has its own stand-in. SUMO 1.28 remembers when and how a vehicle that changes lane on a junction arrived,
     and right of way depends on that; for a new stand-in it stores nothing that a scene does not contain.
     """
 
     def __init__(self, world: World, name: str, edge: str) -> None:
-        """Prepare the stand-ins of a body; none is on the road yet."""
+        """Prepare the stand-ins of a body; at first none is on the road."""
         self._world, self._name, self._edge = world, name, edge
-        self._in: dict[str, float] = {}  # speeds of the stand-ins in SUMO, m/s
+        self._in: dict[str, float] = {}  # speed of each stand-in that SUMO is to have, m/s, by its name
         self._positions: Sequence[LanePosition] = ()
-        self._standing: dict[str, LanePosition] = {}  # by the name of the stand-in
+        self._standing: dict[str, LanePosition] = {}  # place of each stand-in, by its name
 
     def show(self, positions: Sequence[LanePosition]) -> None:
-        """Place one standing body at each of these positions in the next step, and remove those at other positions."""
+        """Let one standing body be at each of these places in the next step, and remove the stand-ins at other
+        places.
+        """
         if positions is not self._positions:
             self._positions = positions
             self._standing = {f"~{self._name}~{position.lane}": position for position in positions}
@@ -172,9 +174,10 @@ class StandIn:
             self._place(name, position.lane, position.front, position.length_m, 0.0)
 
     def place(self, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float) -> None:
-        """Show a moving body on one lane, and on no other, in the next step; `speed_mps`: along the lane.
+        """Show a moving body on one lane only in the next step; `speed_mps` is along the lane.
 
-        `front`: x, y (m), heading (rad) of the stand-in. `length_m`: length of the stand-in if it is a new one.
+        `front`: x, y (m), heading (rad) of the stand-in. `length_m`: its length, which counts only when the stand-in is
+        created.
         """
         name = f"~{self._name}~{lane}"
         if self._in and name not in self._in:
@@ -193,7 +196,7 @@ class StandIn:
         return bool(self._in)
 
     def settle(self) -> None:
-        """Set the speeds after a step: SUMO computes another speed from the displacement."""
+        """Set the speeds of the stand-ins again after a step: SUMO derives other speeds from how far it moved them."""
         for name, speed in self._in.items():
             self._world.settle(name, speed, 0.0)
 
@@ -217,13 +220,13 @@ class StaticActor(SimulatedActor):
     __slots__ = ("positions", "stand_in")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
-        """Stand where the scene places it, and find the lanes that it blocks."""
+        """Place the obstacle as the scene says, and find the lanes that it blocks."""
         super().__init__(actor)
         self.stand_in = StandIn(world, actor.id, edge)
         self.positions = _blocked_by(self, network)
 
     def look(self, network: RoadNetwork) -> None:
-        """Find the lanes that it blocks at its current position."""
+        """Find the lanes that the actor blocks at its current position."""
         self.positions = _blocked_by(self, network)
 
 
@@ -237,7 +240,7 @@ class PathActor(SimulatedActor):
     __slots__ = ("_world", "cruise", "follower", "friction", "path_changed", "stand_in", "stops")
 
     def __init__(self, actor: PlacedActor, world: World, edge: str, friction: float) -> None:
-        """Start at the length along the path that the scene contains."""
+        """Place the actor at the length along its path that the scene states."""
         super().__init__(actor)
         model, paced = actor.model, with_timing(actor)
         self._world, self.friction = world, friction
@@ -259,7 +262,7 @@ class PathActor(SimulatedActor):
 
     @property
     def along(self) -> float:
-        """Length along its path, m."""
+        """Length along the actor's path, m."""
         return self.follower.along_m
 
     @along.setter
@@ -269,7 +272,7 @@ class PathActor(SimulatedActor):
             self._state_table.along[self._number] = along_m
 
     def follow(self, path: Points) -> None:
-        """Follow another path from its beginning, at the current speed."""
+        """Follow another path from its beginning, keeping the current speed."""
         model, before = self.placed.model, self.follower
         self.follower = PathFollower(
             path,
@@ -285,11 +288,12 @@ class PathActor(SimulatedActor):
             self.path_changed()
 
     def red_light(self) -> float | None:
-        """Return the length along its path, m, at which it waits for a signal; None if it does not wait."""
-        along = self.along if self.stops else 0.0  # read once: reading it from a record is slow
+        """Return the length along its path, m, at which the actor waits for a signal; None if it may go on."""
+        along = self.along if self.stops else 0.0  # read once, because reading a number from a numpy record is slow
         for enters, _, tls, link in self.stops:
             stop = enters - KERB_M
-            # Rounding in a clip may have put a waiting actor slightly beyond its stop.
+            # Rounding in a clip's file may have moved a waiting actor slightly beyond its stop, where it must still
+            # wait.
             if along <= stop + ROUNDING_M and self._world.signals.colour(tls, link) in ("red", "amber"):
                 return max(stop, along)
         return None
@@ -301,30 +305,30 @@ class SteeredVehicle(SumoVehicle):
     __slots__ = ("friction", "recovery", "taken")
 
     def __init__(self, actor: PlacedActor, network: RoadNetwork, friction: float) -> None:
-        """Start where the actor is placed."""
+        """Place the vehicle as the scene says."""
         super().__init__(actor, network)
         self.friction = friction
         self.recovery: LaneRecovery | None = None
         self.taken: BicycleState | None = None
 
     def due(self, time_s: float) -> bool:
-        """Return whether its steering offset begins now, so that Python must take it over."""
+        """Return whether the steering offset begins now, so that Python must take the vehicle over."""
         steering = self.placed.steering
         return self.taken is None and steering is not None and time_s >= steering.start_s - STEP_S / 100
 
     def take_over(self, network: RoadNetwork, cruise_mps: float) -> None:
-        """Move it in Python from its current state on."""
+        """Let Python move the vehicle from its current state on."""
         actor = self.placed
         line = actor.line or network.line(actor.route, start_lane=actor.lane or None)
         limits = limits_of(actor.model, self.friction)
-        # An actor that passes within its lane recovers its own line beside the others, not the middle.
+        # An actor that passes others within its lane goes back to its own line, not to the middle of the lane.
         line_m = line.project(self.x, self.y)[1] if actor.passes else actor.line_m
         self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering, line_m=line_m)
         self.taken = self.recovery.take_over(self.x, self.y, self.heading, self.speed, self.acceleration)
         self.lane = ""
 
     def recover(self, time_s: float, others: Sequence[Mover], stop_s: float | None, *, yields: bool) -> None:
-        """Move one step; at the end of its route it becomes absent."""
+        """Move the vehicle by one step; at the end of its route it becomes absent."""
         if self.recovery is None or self.taken is None:
             return
         self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s, yields=yields)
@@ -341,13 +345,14 @@ def with_timing(actor: PlacedActor) -> PlacedActor:
 
 
 _MOST_BODIES = 2048
-"""Maximum number of cached bodies of a network. Ours: the bodies of some hundred test cases."""
+"""Maximum number of cached bodies per network. Ours: the bodies of some hundred test cases."""
 _BLOCKED: WeakKeyDictionary[RoadNetwork, dict[Box, tuple[LanePosition, ...]]] = WeakKeyDictionary()
-"""Cache of the stretches that bodies block: the obstacles of a clip's children stand at the same places."""
+"""The stretches of lanes that bodies block, cached by network: in all mutants of a clip the obstacles stand at the same
+places."""
 
 
 def _blocked_by(block: SimulatedActor, network: RoadNetwork) -> tuple[LanePosition, ...]:
-    """Return the stretches of lanes that a body blocks, from the cache if it is there."""
+    """Return the stretches of lanes that a body blocks, from the cache if possible."""
     cache, box = _BLOCKED.setdefault(network, {}), block.box
     if box not in cache:
         if len(cache) >= _MOST_BODIES:

@@ -1,6 +1,7 @@
-"""The path of an actor and its motion along it: pedestrians, and cyclists or vehicles off the lanes.
+"""The path of an actor and its motion along it: pedestrians, and cyclists or vehicles away from the lanes.
 
-`path_groups` moves them. A clip restores a follower from its length along the path and its speed.
+`path_groups` moves all followers of a run together. A clip restores a follower from its length along the path and its
+speed.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class PathFollower:
     Args:
         path: [N, 2] m.
         pace_mps: the speed to reach, m/s.
-        acceleration_mps2, braking_mps2: rates of speeding up and of braking, m/s^2; positive.
+        acceleration_mps2, braking_mps2: rates of speeding up and of braking, m/s^2, both positive.
         length_m: length of its footprint, m: its heading is that of the line between its rear and its front, so that a
             cyclist turns gradually at a corner.
         along_m, speed_mps: its length along the path and its speed at the beginning.
@@ -59,7 +60,9 @@ class PathFollower:
         lateral_mps2: float | None = None,
     ) -> None:
         if not (acceleration_mps2 > 0 and braking_mps2 > 0):
-            raise ValueError(f"rates must be positive: {acceleration_mps2} and {braking_mps2} m/s^2")
+            raise ValueError(
+                f"the rates must be positive: speeding up is {acceleration_mps2} m/s^2, braking {braking_mps2} m/s^2"
+            )
         self.path = path if isinstance(path, tuple) else as_line(np.asarray(path, dtype=np.float64).reshape(-1, 2))
         self.line = _line_of(self.path)
         self.vertices, self.bends = _vertices_of(self.path), speed_points((), ())
@@ -92,9 +95,13 @@ class PathFollower:
         self.keep_in(np.array([record], dtype_of(Follower)))
 
     def keep_in(self, record: Records) -> None:
-        """Keep its state in this array of one record, which already holds it; it may be a view of a larger array."""
+        """Keep the follower's state in this array of one record from now on.
+
+        The record must already hold the state; the array may be a view of a larger one.
+        """
         self.record = record
-        self._numbers = record.view(np.float64)  # read in a tenth of the time that a record's field takes
+        # A view on the numbers, read in a tenth of the time that a record's field takes.
+        self._numbers = record.view(np.float64)
 
     @property
     def along_m(self) -> float:
@@ -112,7 +119,7 @@ class PathFollower:
 
     @property
     def pace_mps(self) -> float:
-        """The speed to reach, m/s; 0 halts it."""
+        """Speed that the follower accelerates or brakes to, m/s; 0 halts it."""
         return self._numbers.item(_PACE)
 
     @pace_mps.setter
@@ -121,7 +128,7 @@ class PathFollower:
 
     @property
     def stop_m(self) -> float | None:
-        """Length along the path at which it must wait, m; None when it may go on."""
+        """Length along the path at which the follower must wait, m; None when it may go on."""
         stop_m = self._numbers.item(_STOP)
         return None if isnan(stop_m) else stop_m
 
@@ -131,20 +138,20 @@ class PathFollower:
 
     @property
     def arrived(self) -> bool:
-        """Whether it has reached the end of its path."""
+        """Whether the follower has reached the end of its path."""
         return self.along_m >= self.line.length_m
 
     def hold(self, most_mps2: float) -> None:
-        """Limit its acceleration and braking to this value, or to its own rates if they are lower."""
+        """Limit acceleration and braking to this value where it is lower than the follower's own rates."""
         for name, rate in self._rates.items():
             self.record[name] = min(rate, most_mps2)
 
     def brake_harder(self, most_mps2: float) -> None:
-        """Brake with the larger of this value and its own rate; 0 restores its own rate."""
+        """Brake with this rate where it is higher than the follower's own; 0 restores its own rate."""
         self._rates["braking"] = self.record["braking"] = max(self._braking_mps2, most_mps2)
 
     def pose(self) -> tuple[float, float, float]:
-        """Return its position: x, y (m) and heading (rad)."""
+        """Return where the follower is: x, y (m) and heading (rad)."""
         pose: tuple[float, float, float] = pose_on_path(self.along_m, self._half_m, self.vertices)
         return pose
 
@@ -154,7 +161,7 @@ def _line_of(path: Points) -> Polyline:
     """Return the line of a path; raises `ValueError` if the path has no length."""
     points = np.array(path)
     if not np.isfinite(points).all() or len(points) < 2 or not np.ptp(points, axis=0).max() > 0:
-        raise ValueError(f"a path needs two different points: {points.tolist()}")
+        raise ValueError(f"a path needs at least two different points, and this one has {points.tolist()}")
     return line_of(path)
 
 

@@ -30,10 +30,10 @@ from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.trace import STEP_S
 
 _NEAREST_LANE_M = 5.0
-"""Distance within which the nearest lane counts as the lane at a point of the road, m. Ours."""
+"""Largest distance from a point at which the nearest lane counts as the lane there, m. Ours."""
 
 _MOST_PATHS = 512
-"""Maximum number of cached paths of a network. Ours: the paths of some hundred test cases."""
+"""Maximum number of cached paths per network. Ours: the paths of some hundred test cases."""
 
 
 class LanesUnderPaths:
@@ -51,7 +51,7 @@ class LanesUnderPaths:
         self._cells: dict[Points, Records] = {}
 
     def cells(self, follower: PathFollower) -> Records:
-        """Return the cells under a path; a cell not looked up yet has the lane `UNKNOWN`."""
+        """Return the cells under a path. The lane of a cell that was not looked up yet is `UNKNOWN`."""
         cells = self._cells.get(follower.path)
         if cells is None:
             if len(self._cells) >= _MOST_PATHS:
@@ -75,7 +75,7 @@ class LanesUnderPaths:
 
 
 _LANES: WeakKeyDictionary[RoadNetwork, LanesUnderPaths] = WeakKeyDictionary()
-"""Cache by network: all children of a clip have the same paths."""
+"""The lanes under paths, cached by network, because all mutants of a clip have the same paths."""
 
 
 def lanes_under_paths(network: RoadNetwork) -> LanesUnderPaths:
@@ -86,10 +86,11 @@ def lanes_under_paths(network: RoadNetwork) -> LanesUnderPaths:
 
 
 class PathGroup:
-    """The actors that follow paths, each until it leaves.
+    """The actors of a run that follow paths; an actor that leaves the world leaves the group.
 
     Args:
-        actors: these actors, which have joined the state table. rows: their rows in it. table: the state table of all
+        actors: the followers; each must have joined the state table. rows: the numbers of their rows in the table.
+            table: the state table of all
             actors. network: the roads.
     """
 
@@ -105,10 +106,11 @@ class PathGroup:
         self._lanes = lanes_under_paths(network)
         self._with_stops = [actor for actor in actors if actor.stops]
         self._seen: list[StandIn] = []
-        self._sight_count: int | None = None  # result of `find_seen` for the next step, if `move` has computed it
+        # What `find_seen` returns for the next step, if `move` has computed it already.
+        self._sight_count: int | None = None
         self._sights = np.zeros(len(actors), dtype_of(SightRecord))
         self._records = np.zeros(len(actors), dtype_of(Follower))
-        self._seen_on = self._records["seen_on"]  # a view, kept because looking up a record's field is slow
+        self._seen_on = self._records["seen_on"]  # a view, kept because numpy is slow at looking up a record's field
         self._seen_on[:], self._records["row"] = OFF_ROAD, rows
         for n, actor in enumerate(actors):
             actor.path_changed = self.gather
@@ -117,7 +119,9 @@ class PathGroup:
         self.gather()
 
     def gather(self) -> None:
-        """Collect the states and paths of all followers in arrays; call it again when one follows another path."""
+        """Collect the states and paths of all followers in arrays; to be called again when a follower changes
+        its path.
+        """
         if not self._actors:
             return
         followers = [actor.follower for actor in self._actors]
@@ -148,7 +152,7 @@ class PathGroup:
         )
 
     def show(self) -> None:
-        """Show SUMO's vehicles the actors that are on the road, or about to step on it, in the next step."""
+        """Show the vehicles of SUMO, for the next step, each follower that is on the road or about to step on it."""
         if not self._actors:
             return
         sights = self._find()
@@ -163,18 +167,20 @@ class PathGroup:
             self._seen_on[n] = lane
 
     def settle(self) -> None:
-        """Set the speeds of the stand-ins after a step."""
+        """Set the speeds of the stand-ins again after a step of SUMO."""
         for stand_in in self._seen:
             stand_in.settle()
 
     def drop(self, actor: PathActor) -> None:
-        """Stop moving and showing an actor."""
+        """Stop moving an actor, and stop showing it to SUMO."""
         actor.stand_in.hide()
         self._records["row"][self._actors.index(actor)] = -1
         self._seen = [stand_in for stand_in in self._seen if stand_in is not actor.stand_in]
 
     def _find(self) -> list[tuple[int, int, int, float, float, float, float, float]]:
-        """Return the records of the next step; except before the first frame, `move` has computed them already."""
+        """Return the records that say where SUMO's vehicles see the followers in the next step; `move` has computed
+        them already, except before the first frame.
+        """
         count, self._sight_count = self._sight_count, None
         if count is None:
             count = find_seen(self._records, self._states, self._lines, self._cells, self._sights)

@@ -19,12 +19,12 @@ from foresee_dsl.simulate.world import World
 TYRE_M = 0.1
 """Distance of a wheel's centre from the vehicle's side, m. Ours: half a car tyre's width."""
 ROUNDING_MPS = 0.01
-"""A vehicle at most this much slower than the limit counts as driving at the limit, m/s. Ours: clips round to 0.0001
-m/s, maps to 0.01 m/s."""
+"""A vehicle that is at most this much slower than the limit counts as driving at the limit, m/s. Ours: clips round
+speeds to 0.0001 m/s, maps to 0.01 m/s."""
 
 
 class SlipperyGround:
-    """The slippery patches of a scene; they take effect once a step, before any actor moves.
+    """The slippery patches of a scene. They change the grip of all actors once a step, before any actor moves.
 
     No actor perceives a patch. The ego and vehicles under a steering offset have the mean friction under their four
     wheels. Vehicles that SUMO or a path moves have one rate of speeding up and one of braking, which are limited by the
@@ -37,17 +37,19 @@ class SlipperyGround:
         self._slowed: set[str] = set()
 
     def friction_at(self, x: float, y: float) -> float:
-        """Return the tyre-road friction coefficient at a point (m)."""
+        """Return the tyre-road friction coefficient at a point (x and y in m)."""
         here = (p.friction for p in self._patches if hypot(x - p.x, y - p.y) <= p.radius_m)
         return min(here, default=self._road) if self._patches else self._road
 
     def under(self, points: FloatArray | Iterable[tuple[float, float]]) -> float:
-        """Return the mean friction coefficient at some points (m), where a patch never exceeds the road's friction."""
+        """Return the mean friction coefficient at some points (m); on a patch it is never higher than the
+        road's own.
+        """
         frictions = [min(self.friction_at(float(x), float(y)), self._road) for x, y in points]
         return sum(frictions) / len(frictions)
 
     def take_effect(self, actors: Iterable[SimulatedActor], vehicles: Mapping[str, SumoVehicle], world: World) -> None:
-        """Set the grip of all actors for the next step; `vehicles`: the vehicles that SUMO drives, by id."""
+        """Set the grip of all actors for the next step; `vehicles`: those that SUMO drives, by id."""
         if not self._patches:
             return
         for actor in actors:
@@ -65,7 +67,7 @@ class SlipperyGround:
         self._traffic(vehicles, world)
 
     def hold(self, motion: Bicycle, state: BicycleState) -> None:
-        """Set a vehicle's friction to that under its wheels; nothing changes without patches."""
+        """Set a vehicle's friction to that under its wheels; does nothing in a scene without patches."""
         if self._patches:
             motion.hold(self.under(motion.wheels(state, TYRE_M)))
 
@@ -74,7 +76,7 @@ class SlipperyGround:
             actor.follower.hold(self._most(actor))
 
     def _most(self, actor: PathActor | SumoVehicle) -> float:
-        """Return the largest acceleration that the friction under the middle of an actor allows, m/s^2."""
+        """Return the largest acceleration (m/s^2) that the friction under the middle of an actor allows."""
         return self.under([(actor.x, actor.y)]) * GRAVITY_MPS2
 
     def _traffic(self, vehicles: Mapping[str, SumoVehicle], world: World) -> None:
@@ -89,7 +91,7 @@ class SlipperyGround:
 
 
 class RoadLimits:
-    """The lanes whose speed limit was changed, and the speeds of vehicles on them.
+    """The lanes whose speed limit a trigger has changed, and the speeds of vehicles on them.
 
     A vehicle's speed on such a lane depends only on its cruising speed and on both limits, so that a clip needs nothing
     else: a vehicle that drove at the old limit or faster drives at the new one; a slower one only where that is lower.
@@ -106,7 +108,9 @@ class RoadLimits:
         return bool(self._now)
 
     def change(self, edge: str, lane: int | None, speed_mps: float) -> None:
-        """Change the limit of all lanes of an edge, or of one (counted from 1, the rightmost for cars)."""
+        """Change the speed limit of one lane of an edge (counted from 1, the rightmost lane for cars), or of all its
+        lanes (None).
+        """
         for piece in self._network.pieces(edge):
             lanes = self._network.edges[piece].drivable
             for lane_info in lanes if lane is None else lanes[lane - 1 : lane]:
@@ -114,13 +118,15 @@ class RoadLimits:
                 self._world.set_limit(lane_info.id, speed_mps)
 
     def capped(self, actor: SimulatedActor, speed_mps: float) -> float:
-        """Return an ordered speed (m/s), reduced to the limit where the limit was lowered."""
+        """Return an ordered speed (m/s), reduced to the limit of the actor's lane if that limit was lowered."""
         self._driven.pop(actor.id, None)
         now = self._now.get(actor.lane)
         return speed_mps if now is None or now >= self._network.lanes[actor.lane].speed_mps else min(speed_mps, now)
 
     def driven(self, actor: SimulatedActor, cruise_mps: float) -> float | None:
-        """Return the speed (m/s) on its lane of an actor without a speed order; None if SUMO already has this speed."""
+        """Return the speed (m/s) that a changed limit gives an actor without a speed order; None if SUMO already drives
+        it at that speed.
+        """
         if actor.lane.startswith(":"):
             return None
         now, speed_mps = self._now.get(actor.lane), cruise_mps

@@ -1,4 +1,4 @@
-"""Shows SUMO the actors that it does not move: the ego and actors on paths, steered vehicles and standing bodies."""
+"""Shows SUMO the actors that SUMO does not move: the ego, followers of paths, steered vehicles and standing bodies."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ShownActors:
     def __init__(
         self, ego: EgoVehicle, actors: Iterable[SimulatedActor], paths: PathGroup, progress: Progress, world: World
     ) -> None:
-        """Select them from all actors; `paths`: the group of the actors on paths."""
+        """Select the actors to show from all actors; `paths`: the group of those on paths."""
         self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
         actors = list(actors)
         self.guided = [actor for actor in actors if isinstance(actor, GuidedVehicle)]
@@ -50,7 +50,7 @@ class ShownActors:
         )
 
     def _lane_ahead(self, frame: int) -> str:
-        """Return the lane that the ego's front is on; "" off its route's lanes."""
+        """Return the lane that the ego's front is on; "" if it is not on a lane of its route."""
         line = self.ego.placed.line
         if line is None:
             return ""
@@ -58,7 +58,7 @@ class ShownActors:
         return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
 
     def show_others(self) -> None:
-        """Tell SUMO the positions of all of them except the ego."""
+        """Tell SUMO where all shown actors except the ego are."""
         self.paths.show()
         for guided in self.guided:
             guided.show()
@@ -70,7 +70,7 @@ class ShownActors:
                 self._world.bodies.place(steered.id, x, y, steered.heading)
 
     def settle(self) -> None:
-        """Set their speeds after a step: SUMO computes other speeds from the displacements."""
+        """Set the speeds of the shown actors again after a step: SUMO derives other speeds from how far they moved."""
         ego = self.ego
         self._world.settle(ego.id, ego.speed, ego.acceleration)
         self.paths.settle()

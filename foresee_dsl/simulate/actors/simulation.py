@@ -1,4 +1,6 @@
-"""The running simulation: places the actors in SUMO's world, moves them step by step, and carries out speed orders."""
+"""The running simulation: places the actors in SUMO's world, moves them step by step, and carries out orders
+to them.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,7 @@ from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
 
 LOOKS_AHEAD_M = 60.0
-"""Distance ahead in which a vehicle under recovery looks for a red signal, m. Ours: braking from 80 km/h takes 55
-m."""
+"""Distance ahead within which a vehicle under recovery obeys a red signal, m. Ours: braking from 80 km/h takes 55 m."""
 
 
 class Simulation:
@@ -84,7 +85,9 @@ class Simulation:
         self._take_over()
 
     def step(self, control: Control) -> tuple[str, ...]:
-        """Advance by one frame with the driver's answer to the last frame; return the ids of the vehicles that left."""
+        """Advance by one frame, with the driver's answer to the last frame; return the ids of the vehicles that left
+        the network.
+        """
         self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
@@ -138,7 +141,7 @@ class Simulation:
                 self.world.set_speed(actor.id, None)
 
     def brake(self, actor: SimulatedActor, speed_mps: float | None) -> None:
-        """Limit an actor's speed in the next step without a limit on its braking; None: it drives on as before."""
+        """Limit an actor's speed in the next step, however hard it must brake for that; None ends the limit."""
         if actor.id in self.world:
             self.world.brake(actor.id, speed_mps)
             self._held.discard(actor.id)
@@ -148,7 +151,9 @@ class Simulation:
             self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
 
     def brake_harder(self, actor: SimulatedActor, most_mps2: float) -> None:
-        """Let an actor on a path brake with at least this (m/s^2) instead of its comfortable braking; 0: as before."""
+        """Let an actor on a path brake with at least this rate (m/s^2) instead of its comfortable braking; 0 restores
+        it.
+        """
         follower = actor.follower if isinstance(actor, PathActor) else None
         if isinstance(actor, GuidedVehicle) and actor.guide is not None:
             follower = actor.guide.follower
@@ -237,15 +242,16 @@ class Simulation:
             self.world.keep_to_lane(actor.id, int(index))
 
     def _keep_in_bay(self, actor: SimulatedActor) -> None:
-        """Let a vehicle that is told to stand in a bay stay there.
+        """Let a vehicle that was told to stand in a bay stay there.
 
-        Its route goes on beside the bay, and SUMO 1.28 changes the lane of a vehicle that stands, too.
+        Its route continues beside the bay, and SUMO 1.28 makes even a standing vehicle change to the lane that
+        continues its route.
         """
         if actor.lane in self.network.bays:
             self.keep_to_lane(actor, actor.lane)
 
     def keep_limits(self) -> None:
-        """Apply changed speed limits to the vehicles that SUMO drives."""
+        """Apply changed speed limits to the vehicles that SUMO drives; to be called once a step."""
         for vehicle in self.sumo_vehicles.values():
             if vehicle.present and vehicle.id in self.world and vehicle.id not in self._held:
                 speed_mps = self.limits.driven(vehicle, self.cruise_mps[vehicle.id])
@@ -288,7 +294,8 @@ class Simulation:
         movers = {a.id: a.mover for a in self.actors if a.present}
         for actor in taken:
             others = [mover for name, mover in movers.items() if name != actor.id]
-            # An actor that runs a red light or refuses to yield still brakes for what is in its way already.
+            # An actor that was told to run a red light or to refuse to yield still brakes for a body already in its
+            # way.
             actor.recover(self.time_s, others, self._red_ahead(actor), yields=not self.ignored_rules[actor.id])
             if not actor.present:
                 self.world.remove(actor.id)

@@ -1,4 +1,4 @@
-"""The current state of an actor: the part that all kinds of actors have in common during a run."""
+"""The current state of an actor, in a form that is the same for all kinds of actors during a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ON_NONE = -1
 
 
 class SimulatedActor:
-    """An actor's current footprint and motion; the runner's other modules change it in place.
+    """The current footprint and motion of an actor; the modules that move actors change it in place.
 
     The values lie in an array of their own or, once the actor has joined a `StateTable`, in a row of that table.
 
@@ -31,13 +31,14 @@ class SimulatedActor:
     __slots__ = ("_along", "_lane", "_number", "_present", "_row", "_state_table", "id", "length", "placed", "width")
 
     def __init__(self, actor: PlacedActor) -> None:
-        """Start where the scene places it."""
+        """Place the actor as the scene says."""
         self.placed = actor
         self.id = actor.id
         self.length = actor.model.length_m
         self.width = actor.model.width_m
         x, y = actor.x, actor.y
-        if actor.control in ("ego", "sumo"):  # placed by the front bumper
+        # The scene states the place of the front bumper, the state that of the centre.
+        if actor.control in ("ego", "sumo"):
             x, y = centre_of_front(x, y, actor.heading_rad, self.length)
         self._row = np.array(
             (x, y, actor.heading_rad, actor.speed_mps, actor.acceleration_mps2, 0.0, actor.steer_rad), dtype=np.float64
@@ -48,22 +49,22 @@ class SimulatedActor:
 
     @property
     def x(self) -> float:
-        """m, of the centre."""
+        """x of the footprint's centre, m."""
         return self._row.item(0)
 
     @property
     def y(self) -> float:
-        """m, of the centre."""
+        """y of the footprint's centre, m."""
         return self._row.item(1)
 
     @property
     def heading(self) -> float:
-        """rad, counter-clockwise from east."""
+        """Heading, rad, counter-clockwise from east."""
         return self._row.item(2)
 
     @property
     def speed(self) -> float:
-        """m/s."""
+        """Speed along the heading, m/s."""
         return self._row.item(3)
 
     @speed.setter
@@ -72,22 +73,22 @@ class SimulatedActor:
 
     @property
     def acceleration(self) -> float:
-        """m/s^2, along the heading."""
+        """Acceleration along the heading, m/s^2."""
         return self._row.item(4)
 
     @property
     def yaw_rate(self) -> float:
-        """rad/s."""
+        """Yaw rate, rad/s, left positive."""
         return self._row.item(5)
 
     @property
     def steer(self) -> float:
-        """rad, of the front wheels, left positive."""
+        """Angle of the front wheels, rad, left positive."""
         return self._row.item(6)
 
     @property
     def lane(self) -> str:
-        """SUMO's id of the lane it is on, or ""."""
+        """SUMO's id of the lane that the actor is on; "" if it is on no lane."""
         return self._lane
 
     @lane.setter
@@ -99,7 +100,7 @@ class SimulatedActor:
 
     @property
     def along(self) -> float:
-        """Length along its path, m; NaN without a path."""
+        """Length along the actor's path, m; NaN if it follows no path."""
         return self._along
 
     @along.setter
@@ -110,7 +111,7 @@ class SimulatedActor:
 
     @property
     def present(self) -> bool:
-        """False before it enters the world and after it has left."""
+        """Whether the actor is in the world: False before it enters and after it has left."""
         return self._present
 
     @present.setter
@@ -136,7 +137,7 @@ class SimulatedActor:
 
     @property
     def mover(self) -> Mover:
-        """The footprint with its speed."""
+        """The footprint together with the speed."""
         x, y, heading, speed, *_ = self._row.tolist()
         return Mover(x, y, heading, speed, self.length, self.width)
 
@@ -148,7 +149,7 @@ class SimulatedActor:
         self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0, yaw_rate: float = 0.0
     ) -> None:
         """Set position and motion; the steering angle stays."""
-        row = self._row  # element by element: assigning a slice takes numpy twice as long
+        row = self._row  # set one by one, because assigning a slice takes numpy twice as long
         row[0], row[1], row[2], row[3], row[4], row[5] = x, y, heading, speed, acceleration, yaw_rate
 
     def set_state(self, state: BicycleState) -> None:
@@ -157,7 +158,7 @@ class SimulatedActor:
         self._row[:] = state.x, state.y, heading, state.speed, state.acceleration, state.yaw_rate, state.steer
 
     def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
-        """Keep its state in a row of a table from now on, and note its lane and presence there."""
+        """Keep the actor's state in this row of a table from now on, and write its lane and presence there."""
         self._row, self._state_table, self._number = row, state_table, number
         state_table.set_lane(number, self._lane)
         state_table.along[number] = self.along
@@ -199,7 +200,7 @@ class StateTable:
             self.along[number] = math.nan
 
     def frame(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return copies of `states`, `lanes` and `along`, with NaN and -1 for absent actors."""
+        """Return copies of `states`, `lanes` and `along`, in which absent actors have NaN and -1."""
         states, lanes, along = self.states.copy(), self.lanes, self.along.copy()
         if self._absent.size:
             states[self._absent] = math.nan

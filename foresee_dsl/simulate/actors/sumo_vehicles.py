@@ -33,11 +33,11 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 ROUNDING_M = 1e-2
-"""Offset from the lane, m, that rounding in a description can cause; it is corrected at once."""
+"""Largest offset from its lane that a vehicle may owe to rounding in a file, m; such an offset is corrected at once."""
 
 
 class _PlaceInSumo(NamedTuple):
-    """Position of a vehicle in SUMO one step before the first frame; `rolls`: see `SumoVehicle`."""
+    """The place at which SUMO inserts a vehicle one step before the first frame; `rolls`: see `SumoVehicle`."""
 
     x: float
     y: float
@@ -59,10 +59,11 @@ class _PlaceOnLane(NamedTuple):
 
 
 _MOST_PLACES = 2048
-"""Maximum number of cached positions of a network. Ours: the vehicles of a hundred test cases."""
+"""Maximum number of cached positions per network. Ours: the vehicles of a hundred test cases."""
 _PLACES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceInSumo]] = WeakKeyDictionary()
 _ON_LANES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceOnLane]] = WeakKeyDictionary()
-"""Caches by network: most vehicles of a clip's children begin at the same places."""
+"""The places of vehicles on lanes, cached by network: in the mutants of a clip most vehicles begin at the same
+places."""
 
 
 class SumoVehicle(SimulatedActor):
@@ -76,18 +77,18 @@ class SumoVehicle(SimulatedActor):
     __slots__ = ("_beside", "_network", "record", "rolls")
 
     def __init__(self, actor: PlacedActor, network: RoadNetwork) -> None:
-        """Start where the actor is placed."""
+        """Place the vehicle as the scene says."""
         super().__init__(actor)
         self._network = network
         self.record: Any = np.array([self._first_record()], dtype_of(sumo_traffic.SumoVehicleRecord))[0]
         self.rolls = False
-        self._beside = "", 0.0  # the lane on which its position was looked up, and the length along it, m
+        self._beside = "", 0.0  # the lane on which the position was looked up, and the length along it, m
         if actor.lane:
             self._find_lane(network.lanes[actor.lane])
 
     @property
     def line_m(self) -> float:
-        """Lateral distance to the left of its lane's centreline that it keeps, m."""
+        """Lateral distance to the left of its lane's centreline that the vehicle keeps, m."""
         return float(self.record["line"])
 
     @line_m.setter
@@ -96,7 +97,7 @@ class SumoVehicle(SimulatedActor):
 
     @property
     def beside_m(self) -> float:
-        """Its current offset to the left of its position in SUMO, m."""
+        """Offset of the vehicle to the left of its position in SUMO, m."""
         return float(self.record["offset"])
 
     def _first_record(self) -> sumo_traffic.SumoVehicleRecord:
@@ -164,7 +165,7 @@ class SumoVehicle(SimulatedActor):
         before = now - self.speed * STEP_S * shape.length / lane.length_m
         sublanes = self.placed.sublanes
         came_from = self._lane_before(lane) if before <= 0 and not sublanes else None
-        if came_from is not None:  # it has just come over the end of that one
+        if came_from is not None:  # the step before, its front was still on the previous lane
             left_m = self.speed * STEP_S - now * lane.length_m / shape.length
             lane, shape = came_from, came_from.centreline
             before = shape.length * (1 - left_m / lane.length_m)
@@ -195,13 +196,15 @@ class SumoVehicle(SimulatedActor):
         return (min(ways, key=lambda way: away_m(way.via)).from_edge, *route)
 
     def _lane_before(self, lane: Lane) -> Lane | None:
-        """Return the lane before a lane inside a junction; None if there are several, or the lane is not inside one."""
+        """Return the only lane that leads into a lane inside a junction; None if several do, or the lane is not inside
+        a junction.
+        """
         ways = self._network.movements_through(lane.id)
         before = {(m.from_lane, *m.via)[m.via.index(lane.id)] for m in ways}
         return self._network.lanes[before.pop()] if len(before) == 1 else None
 
     def _find_lane(self, nearest: Lane) -> None:
-        """Find the lane that the vehicle follows and the vehicle's position on it, from the cache if it is there."""
+        """Find the lane that the vehicle follows, and the vehicle's place on it; from the cache if possible."""
         cache, placed, record = _ON_LANES.setdefault(self._network, {}), self.placed, self.record
         key = (
             nearest.id,
@@ -265,7 +268,7 @@ class LaneTable(NamedTuple):
 
 
 _LANE_TABLES: WeakKeyDictionary[RoadNetwork, LaneTable] = WeakKeyDictionary()
-"""Cache by network: the children of a clip drive on the same network."""
+"""The lane tables, cached by network: all mutants of a clip drive on the same network."""
 
 
 def lane_table(network: RoadNetwork) -> LaneTable:
@@ -282,10 +285,10 @@ def lane_table(network: RoadNetwork) -> LaneTable:
 
 
 class SumoTraffic:
-    """The vehicles that SUMO drives, each until it leaves or Python takes it over.
+    """The vehicles of a run that SUMO drives. A vehicle stops being one when it leaves or Python takes it over.
 
     Args:
-        vehicles: these vehicles, which have joined the state table. states: the state table of all actors. rows: rows
+        vehicles: the vehicles; each must have joined the state table. states: the state table of all actors. rows: rows
             of that table by id. world: SUMO's world. network: the roads. friction: tyre-road coefficient.
         cruise_mps: speed of each vehicle where nothing hinders it, by id, m/s.
     """
@@ -303,7 +306,7 @@ class SumoTraffic:
         self._vehicles, self._world = tuple(vehicles), world
         self._numbers = {vehicle.id: number for number, vehicle in enumerate(vehicles)}
         self._records = np.array([vehicle.record for vehicle in vehicles], dtype_of(sumo_traffic.SumoVehicleRecord))
-        self._ordered = self._records["ordered"]  # a view: reading a record's field takes ten times as long
+        self._ordered = self._records["ordered"]  # a view, because reading a record's field takes ten times as long
         self._states = states.states.reshape(-1).view(dtype_of(VehicleState))
         self._table = lane_table(network)
         self._bends = LaneBends(network, friction)
@@ -317,8 +320,10 @@ class SumoTraffic:
             self._set_lane(number, vehicle.lane)
 
     def slow_for_bends(self) -> None:
-        """Tell SUMO each vehicle's speed limit for the next step: it considers only bends inside junctions, and no
-        tipping over."""
+        """Tell SUMO, for the next step, the speed at which each vehicle can take the bends ahead.
+
+        By itself SUMO 1.28 slows down only for bends inside junctions, and no vehicle of it can tip over.
+        """
         changed = self._update_limits()
         with Part.WORLD:
             for number in changed:
@@ -327,11 +332,11 @@ class SumoTraffic:
     def may_drive_mps(self) -> dict[str, float]:
         """Return the speed that bends allow each vehicle in the next step, m/s; infinite without a bend."""
         self._update_limits()
-        self._ordered[:] = np.nan  # these limits have not been sent to SUMO
+        self._ordered[:] = np.nan  # limits that SUMO has not got yet
         return {vehicle.id: float(vehicle.record["limit"]) for vehicle in self._vehicles}
 
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:
-        """Change the speed that a vehicle drives where nothing hinders it."""
+        """Change the speed that a vehicle drives if nothing slows it down, m/s."""
         record = self._records[self._numbers[vehicle]]
         record["cruise"], record["ordered"] = speed_mps, np.nan
 
@@ -351,9 +356,10 @@ class SumoTraffic:
         return left
 
     def drop(self, vehicle: str) -> None:
-        """Stop following a vehicle: from now on Python moves it, or it has left."""
+        """Stop following a vehicle, because Python moves it from now on or it has left."""
         self._driven = self._driven[self._driven != self._numbers[vehicle]]
-        if not self._names:  # SUMO has no vehicle and may never get one, so `_note_names` may never be called
+        # SUMO has no vehicle now and may never get another, and then `_note_names` would not be called.
+        if not self._names:
             self._seen = self._driven
 
     def adopt(self, vehicle: str, lane: str, cruise_mps: float) -> None:
@@ -375,7 +381,7 @@ class SumoTraffic:
     def _set_lane(self, number: int, lane: str) -> None:
         """Set the lane of a vehicle, and the bends ahead of it."""
         vehicle, record = self._vehicles[number], self._records[number]
-        if record["lane_end"] > 0:  # the length along the last lane does not apply to this one
+        if record["lane_end"] > 0:  # a length along the last lane says nothing about the new lane
             record["heading_s"] = np.nan
         record["bends_s"] = np.nan
         record["lane_begin"], record["lane_end"] = self._table.spans.get(lane, (0, 0))

@@ -1,4 +1,5 @@
-"""Target selection of a vehicle that SUMO does not move any more: the bodies in its way, their distances and speeds.
+"""Finds what a vehicle that Python took over from SUMO must brake for: the bodies in its way, their distances and
+speeds.
 
 Targets are searched along the vehicle's lane, along the arc of its wheels, and among actors about to cross its path.
 """
@@ -17,13 +18,14 @@ from foresee_dsl.simulate.actors.dynamics import BicycleState
 SIGHT_M = 80.0
 """Distance within which targets are searched, m. Ours."""
 MARGIN_M = 0.2
-"""Lateral margin added to the vehicle's corridor: a body that comes nearer to the corridor is a target, m. Ours."""
+"""Width added to both sides of the vehicle's corridor: a body within it is a target, m. Ours."""
 STRAYS_M = 1.0
 """Distance from its lane's centre above which a vehicle searches along the arc of its wheels instead of its lane, m.
 Ours: a car in a lane of 3.3 m that is 1 m off touches the marking with one side."""
 ARC_S, ARC_STRAYING_S = 0.5, 3.0
-"""Travel time along the arc of its wheels within which a vehicle searches, in and out of its lane, s. Ours: in its lane
-only for bodies very near; out of it the time to stop from any speed in a town (25 m/s at 8 m/s^2)."""
+"""Travel time up to which a vehicle searches along the arc of its wheels, s: while it keeps its lane, and while it does
+not. Ours: in its lane only for bodies very near; out of it the time to stop from any speed in a town (25 m/s at 8
+m/s^2)."""
 CROSSING_S = 2.0
 """Time for which the paths of crossing actors are predicted, s. Ours: the time to collision at which UN R157's careful
 driver reacts (2 s; see `avoidance.r157.risk`)."""
@@ -31,9 +33,9 @@ CROSSES_RAD = radians(30)
 """Least difference of headings of an actor that crosses the vehicle's path, rad; with less it drives along the path or
 towards the vehicle, on lanes that bend. Ours."""
 MOVES_MPS = 0.3
-"""Speed below which an actor does not count as crossing, m/s: it moves 0.6 m in that time. Ours."""
+"""An actor slower than this does not count as crossing, m/s: within `CROSSING_S` it moves only 0.6 m. Ours."""
 _EVERY_S = 0.1
-"""Time between two predicted moments, s; 2 m at 20 m/s."""
+"""Time between two moments at which crossing actors are predicted, s; a vehicle drives 2 m in it at 20 m/s."""
 
 
 class Target(NamedTuple):
@@ -52,7 +54,7 @@ class TargetSelection:
     """
 
     def __init__(self, limits: VehicleLimits, line: Polyline, line_m: float = 0.0) -> None:
-        """Search along this line."""
+        """Search for targets along this line."""
         self._limits, self._line, self._line_m = limits, line, line_m
 
     def targets(
@@ -67,7 +69,7 @@ class TargetSelection:
         c, si = cos(state.heading), sin(state.heading)
         for other in others:
             dx, dy = other.x - state.x, other.y - state.y
-            if not hypot(dx, dy) <= SIGHT_M:  # also skips absent bodies, whose position is NaN
+            if not hypot(dx, dy) <= SIGHT_M:  # the comparison is False for NaN, so this skips absent bodies too
                 continue
             along, left = dx * c + dy * si, dy * c - dx * si
             target = None
@@ -89,7 +91,7 @@ class TargetSelection:
         """
         facing = state.heading + arc * along
         room = along - self._limits.length_m / 2 - half_extent(other, facing)
-        # A vehicle does not stay on a sharp arc: beyond a turn of one radian the arc predicts nothing.
+        # A vehicle does not stay on a sharp arc for long: after a turn of one radian the arc predicts nothing.
         if room > state.speed * (ARC_STRAYING_S if strays else ARC_S) or abs(arc) * along > 1:
             return None
         if abs(left - arc * along * along / 2) > self._reach(other, facing):
@@ -112,7 +114,8 @@ class TargetSelection:
             return None
         ex, ey = other.velocity
         half_m = self._limits.length_m / 2
-        most_m = half_m + (other.length + other.width) / 2  # a cheap upper bound, which excludes most moments
+        # The distance of the centres bounds that of the footprints, and excludes most moments cheaply.
+        most_m = half_m + (other.length + other.width) / 2
         for k in range(1, round(CROSSING_S / _EVERY_S) + 1):
             way = state.speed * k * _EVERY_S
             x, y, heading = self._on_its_way(state, arc, s, way, strays=strays)
@@ -124,7 +127,7 @@ class TargetSelection:
             if abs(dy * c - dx * si) > self._reach(other, heading):
                 continue
             across = abs(wrap(other.heading - heading))
-            # An actor that hits the vehicle's side is not avoided by braking.
+            # Braking does not avoid an actor that hits the vehicle's side, so it is not a target.
             return Target(way, 0.0) if along > 0 and CROSSES_RAD <= across <= pi - CROSSES_RAD else None
         return None
 

@@ -1,1 +1,1 @@
-"""Orders of triggers to actors: how each kind is carried out, and which are in force."""
+"""Orders of triggers to actors: how each kind of order is carried out, and which orders are in force."""

@@ -20,10 +20,10 @@ rounding of clips."""
 
 
 class SidewaysOrder(Protocol):
-    """Sets the lateral position of a vehicle in its lane for a while."""
+    """An order that sets the lateral position of a vehicle in its lane for a while."""
 
     def update(self, time_s: float) -> bool:
-        """Set the position for the step that begins now; return False when the order is finished."""
+        """Set the position for the step that begins now; return False when the order has ended."""
         ...
 
     def complete(self) -> bool:
@@ -32,7 +32,7 @@ class SidewaysOrder(Protocol):
 
 
 class LateralShift:
-    """Moves a vehicle to another `line`, linearly over a time, or without one at the usual lateral speed."""
+    """Moves a vehicle to another `line`: linearly over a given time, or at the usual lateral speed."""
 
     def __init__(self, simulation: Simulation, actor: SumoVehicle, action: ChangesLine) -> None:
         self._simulation, self._actor = simulation, actor

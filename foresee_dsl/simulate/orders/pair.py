@@ -17,17 +17,17 @@ from foresee_dsl.simulate.orders.speed import WAITS_MPS
 from foresee_dsl.simulate.trace import STEP_S
 
 CLOSES_S = 1.5
-"""Time constant with which an actor corrects the error of its gap, s. Ours: with 1 s a car oscillates about the gap, as
-its speed follows 0.3 s late; with 3 s it needs 10 s."""
+"""Time constant with which an actor corrects the error of its gap, s. Ours: with 1 s a car oscillates about the gap,
+because its speed follows orders 0.3 s late; with 3 s it needs 10 s to reach the gap."""
 HAS_GAP_M = 0.5
 """Error of the gap below which the gap is reached, m. Ours: a tenth of the smallest gap that scenarios order."""
 KEEPS_SPEED_S = 0.25
-"""Time before its place from which a synchronising actor keeps its speed, s. Ours: the remaining distance is then too
-short to compute a speed from."""
+"""An actor that is to arrive at a place together with another one keeps its speed for this last time before the place,
+s. Ours: the remaining distance is then too short to compute a speed from."""
 
 
 class Gap:
-    """Keeps a gap behind or ahead of another actor: a distance, or a time at the speed of the rear actor."""
+    """An order to keep a gap behind or ahead of another actor: a distance, or a time at the speed of the rear actor."""
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, action: KeepsGap) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
@@ -62,7 +62,7 @@ class Gap:
         return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
 
     def _missing_m(self) -> float:
-        """Return by how much the gap must grow, m; NaN without a common line along which it can be measured."""
+        """Return by how much the gap must grow, m; NaN if the two have no common line along which to measure it."""
         ahead = self._simulation.progress.ahead_of(self._actor, self._other)
         gap = (-ahead if self._leads else ahead) - (self._actor.length + self._other.length) / 2
         behind = self._other if self._leads else self._actor
@@ -70,7 +70,7 @@ class Gap:
 
 
 class Match:
-    """Drives at another actor's current speed, times a factor, plus a difference."""
+    """An order to drive at another actor's current speed, times a factor, plus a difference."""
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, action: MatchesSpeed) -> None:
         self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
@@ -100,9 +100,9 @@ class Match:
 
 
 class Synchrony:
-    """Lets an actor reach a place when another actor reaches its own place.
+    """An order to reach a place when another actor reaches its own place.
 
-    `places`: the lengths of the two places along the lines of both actors, m; NaN where an actor does not pass there.
+    `places`: lengths of the two places along the actors' lines, m; NaN where an actor does not pass its place.
     """
 
     def __init__(
@@ -153,8 +153,8 @@ class Synchrony:
             return max(now, own / KEEPS_SPEED_S / 2)
         if self._final is None:
             return own / time_s
-        # Two linear changes of speed, to `halfway` at half the time and then to the final speed, so that the remaining
-        # distance takes exactly the remaining time.
+        # The speed changes linearly twice: to `halfway` in half the remaining time, then to the final speed. `halfway`
+        # is such that the remaining distance takes exactly the remaining time.
         halfway = max((4 * own / time_s - now - self._final) / 2, 0.0)
         return max(now + (halfway - now) / (time_s / 2) * STEP_S, 0.0) if time_s > 2 * STEP_S else self._final
 

@@ -23,36 +23,37 @@ from foresee_dsl.simulate.trace import STEP_S
 COMFORT_MPS2 = 3.0
 """Braking of an actor that `stops`, m/s^2. Ours: the upper end of comfortable braking (ISO 15622 allows 3.5 m/s^2)."""
 COMMITS_M = 15.0
-"""Distance before the junction from which an actor that `meets` keeps its speed, m. Ours: about one second at 50 km/h;
-a later change of speed would reveal it."""
+"""Distance before the junction from which an actor with the order `meets` keeps its speed, m. Ours: about one second at
+50 km/h; a later change of speed would reveal it."""
 COMMITS_WALKING_M = 2.0
 """As `COMMITS_M`, for pedestrians and bicycles on a path, m. Ours: one or two paces of reaction."""
 MET_M = 6.0
-"""Distance inside the junction, about its middle, up to which it keeps its speed, m. Ours: most junctions of two-lane
-roads are 12 m to 20 m wide."""
+"""Distance inside the junction up to which an actor with the order `meets` keeps its speed, m. Ours: most junctions of
+two-lane roads are 12 m to 20 m wide."""
 CREEPS_MPS = 1.0
-"""Lowest speed near the junction or the place, m/s: an actor that halted before it would stay there."""
+"""Lowest speed of an actor with such an order near its junction or place, m/s: an actor that halted before it would
+stay there."""
 WAITS_MPS = 3.0
 """Lowest speed of the other actor with which its time of arrival is computed, m/s. Ours: with 1 m/s, a waiting ego and
-an actor that times itself by the ego both creep up to the junction and yield to each other (a right turn into traffic
+an actor that times itself by the ego both creep up to the junction and wait for each other (a right turn into traffic
 took 25 s in scenario 9)."""
 HASTE = 1.3
-"""Maximum speed of an actor that `meets`, as a multiple of its cruising speed (as the language defines `meets`)."""
+"""Maximum speed of an actor with the order `meets`, as a multiple of its cruising speed (defined by the language)."""
 HALTS_M = 0.3
 """Distance to its stop at which an actor is halted, m. Ours: from its speed there it stops within 0.3 m at 3 m/s^2."""
 MISSED_M = 5.0
-"""Distance beyond its stop from which an actor drives on, m. Ours: about a car's length, the stopping distance from
-20 km/h."""
+"""An actor that is farther than this beyond its stop has missed it and drives on, m. Ours: about a car's length, the
+stopping distance from 20 km/h."""
 BOUND_FROM_M = 60.0
-"""Distance before a junction from which an actor ignores the rule that it ignores there, m. Ours: SUMO's cars begin to
-brake for a red signal within their stopping distance, 35 m at 65 km/h."""
+"""An actor that is to ignore a rule at a junction begins to ignore it this far before the junction, m. Ours: SUMO's
+cars begin to brake for a red signal within their stopping distance, 35 m at 65 km/h."""
 
 
 class Command(Protocol):
-    """Sets an actor's speed for a while; a later command to the same actor replaces it."""
+    """An order that sets an actor's speed for a while; a later order to the same actor replaces it."""
 
     def update(self, time_s: float) -> bool:
-        """Set the speed for the step that begins now; return False when the command is finished."""
+        """Set the speed for the step that begins now; return False when the order has ended."""
         ...
 
     def complete(self) -> bool:
@@ -61,7 +62,7 @@ class Command(Protocol):
 
 
 class Ramp:
-    """Changes an actor's speed linearly; the final speed becomes its cruising speed."""
+    """An order to change the speed linearly; the final speed becomes the actor's cruising speed."""
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, to_mps: float, over_s: float) -> None:
         self._simulation, self._actor, self._to, self._over = simulation, actor, to_mps, over_s
@@ -84,7 +85,9 @@ class Ramp:
 
 
 class Stop:
-    """Brakes comfortably to a stop, stands for a duration or to the end, then drives as before."""
+    """An order to brake comfortably to a stop, to stand for a time or to the end of the run, and then to drive as
+    before.
+    """
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, duration_s: float | None) -> None:
         self._simulation, self._actor, self._duration = simulation, actor, duration_s
@@ -105,7 +108,7 @@ class Stop:
         return True
 
     def complete(self) -> bool:
-        """Whether the order is over: the actor drives again."""
+        """Return whether the actor drives again, which ends the order."""
         return self._resumed
 
     def _over(self, time_s: float) -> bool:
@@ -115,9 +118,11 @@ class Stop:
 
 
 class Halt:
-    """Brakes so that the actor's front stops at a place on its route, stands for a duration or to the end, drives on.
+    """An order to stop with the front at a place on the route, to stand there for a time or to the end, and to drive
+    on.
 
-    The speed depends only on the distance to the place: a clip that begins in between continues in the same way.
+    The speed depends only on the distance to the place, so a clip that begins during the order continues in the same
+    way.
     """
 
     def __init__(
@@ -126,11 +131,11 @@ class Halt:
         self._simulation, self._actor, self._place, self._duration = simulation, actor, place, duration_s
         self._resumed = False
         self.stands_s: float | None = None
-        """Time from which it stands there, s; None before."""
+        """Time from which the actor stands at the place, s; None before it does."""
 
     @property
     def missed(self) -> bool:
-        """Whether the place lies behind the actor or not on its route."""
+        """Whether the place lies behind the actor, or not on its route."""
         room = self._room()
         return math.isnan(room) or room < -MISSED_M
 
@@ -153,20 +158,21 @@ class Halt:
         return True
 
     def complete(self) -> bool:
-        """Whether the order is over: the actor drives again."""
+        """Return whether the actor drives again, which ends the order."""
         return self._resumed
 
     def _room(self) -> float:
         """Return the distance from the actor's front to the place, m."""
         stop = self._place.stop
         if stop is not None and self._actor.lane.rpartition("_")[0] == stop.lane.edge:
-            # The line of a clip begins on the lane that the actor is changing to, and leaves it again: it is longer.
+            # During a change of lane, the line of a clip begins on the lane that the actor changes to and leads back
+            # from it, so it is longer than the lane. The distance is therefore measured along the stop's own lane.
             return stop.pos_m - stop.lane.line.project(*self._actor.front)[0]
         return self._place.s - self._simulation.progress.front(self._actor, self._simulation.frame)
 
 
 class Reverse:
-    """Brakes to a stop, reverses by a length along the lane, and drives on as before."""
+    """An order to brake to a stop, to reverse along the lane by a length, and to drive on as before."""
 
     def __init__(self, simulation: Simulation, actor: GuidedVehicle, length_m: float, speed_mps: float) -> None:
         self._simulation, self._actor, self._length, self._speed = simulation, actor, length_m, speed_mps
@@ -183,7 +189,7 @@ class Reverse:
         if not self._backs and actor.speed < STANDS_MPS and actor.guide is None:
             simulation.back_up(actor, self._length)
             self._backs = actor.backs
-            if not self._backs:  # it is not on a lane
+            if not self._backs:  # a vehicle that is not on a lane cannot reverse along it
                 self._over = True
                 return False
         if self._backs:
@@ -195,14 +201,14 @@ class Reverse:
         return True
 
     def complete(self) -> bool:
-        """Return whether it drives on."""
+        """Return whether the actor drives on, which ends the order."""
         return self._over
 
 
 class StopSpot(NamedTuple):
-    """Where an actor stops: the length along its line, m; NaN if it does not pass there.
+    """The place where an actor stops, as a length along its line, m; NaN if the actor does not pass there.
 
-    For a bus stop also the stop, and the distance before its end within which an actor still stands in it, m.
+    For a bus stop the record also has the stop, and how far before the stop's end the actor still stands in it, m.
     """
 
     s: float
@@ -211,12 +217,14 @@ class StopSpot(NamedTuple):
 
 
 class Braking:
-    """Brakes an actor at a fixed rate for a time, once it moves (`acts`: in any case); then it drives on as before."""
+    """An order to brake at a fixed rate for a time, which begins once the actor moves (with `acts`: at once); then it
+    drives as before.
+    """
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, brakes: Timed, *, acts: bool = False) -> None:
         self._simulation, self._actor, self._brakes = simulation, actor, brakes
         self.acts = acts
-        """Whether it brakes the actor now."""
+        """Whether the order brakes the actor now."""
         self._harder = acts
         if acts:
             simulation.brake_harder(actor, brakes.value)
@@ -246,10 +254,11 @@ class Braking:
 
 
 class Meeting:
-    """Sets an actor's speed so that it reaches a point of a junction shortly before or after another actor.
+    """An order to reach a point of a junction shortly before or after another actor.
 
-    It plans again in every step; near the junction it keeps its speed until it is well inside. The plan depends only on
-    the state of both actors, and the kept speed is recorded: a clip that begins in between continues in the same way.
+    The speed is planned again in every step; near the junction the actor keeps its speed until it is well inside. The
+    plan depends only on the state of both actors, and the kept speed is recorded, so a clip that begins during the
+    order continues in the same way.
     """
 
     def __init__(self, simulation: Simulation, recorder: Recorder, actor: SimulatedActor, meets: Meets) -> None:
@@ -258,7 +267,7 @@ class Meeting:
         self._points = simulation.progress.meeting(actor, self._other, self._junction)
         self._gap_s = si_of(meets.gap) * (1 if meets.order == "after" else -1)
         self.keeps_mps: float | None = None
-        """The speed that it keeps near the junction, m/s; None before that."""
+        """The speed that the actor keeps near the junction, m/s; None before it does."""
 
     def update(self, time_s: float) -> bool:
         """See `Command`."""
@@ -276,12 +285,12 @@ class Meeting:
         return True
 
     def complete(self) -> bool:
-        """Return whether the actor has left the junction, or does not pass it."""
+        """Return whether the actor has left the junction, or does not pass it at all."""
         span = self._simulation.progress.span(self._actor, self._junction)
         return span is None or self._simulation.progress.front(self._actor, self._simulation.frame) >= span[1]
 
     def pace_mps(self) -> float:
-        """Return the speed that it orders now, without the actor's `timing`, m/s."""
+        """Return the speed that the order sets now, m/s, without the actor's `timing`."""
         simulation, actor, other, timing = self._simulation, self._actor, self._other, self._actor.placed.timing
         cruise = simulation.cruise_mps[actor.id] / timing
         fastest = HASTE * cruise
@@ -297,7 +306,9 @@ class Meeting:
         return min(own / arrival, fastest) if arrival > 0 else fastest
 
     def over(self) -> bool:
-        """Return whether the actor is well inside the junction, has left the world, or does not pass the junction."""
+        """Return whether the order has ended: the actor is well inside the junction, has left the world, or does not
+        pass the junction.
+        """
         room = self._room()
         return math.isnan(room) or room <= -MET_M or not self._actor.present
 

@@ -19,7 +19,7 @@ from foresee_dsl.simulate.triggers.trigger import IsComplete
 
 
 class StandingOrders:
-    """All orders to actors, carried out in each step.
+    """All orders to actors that are in force, which it carries out in each step.
 
     Attributes:
         new: ids of the actors that got a speed order since this list was last emptied.
@@ -47,7 +47,7 @@ class StandingOrders:
     # --- giving orders ---------------------------------------------------------------------------------------------
 
     def give(self, actor: SimulatedActor, command: Command) -> IsComplete:
-        """Give a speed order; it is complete when it is done, or when another order replaces it."""
+        """Give a speed order; return a function that says whether the order is complete or was replaced."""
         before = self._commands.get(actor.id)
         if isinstance(before, Gap | Braking):
             before.release()
@@ -56,26 +56,28 @@ class StandingOrders:
         return lambda: self._latest[actor.id] is not command or command.complete()
 
     def note(self, actor: SimulatedActor, command: Command) -> IsComplete:
-        """Make a speed order the actor's latest, although it does nothing in the single steps."""
+        """Register a speed order as the actor's latest one, although it needs nothing done in the single steps."""
         self._latest[actor.id] = command
         return lambda: self._latest[actor.id] is not command or command.complete()
 
     def end(self, actor: SimulatedActor) -> None:
-        """End an actor's speed order, if it has one."""
+        """End an actor's speed order, if the actor has one."""
         self._commands.pop(actor.id, None)
 
     def give_sideways(self, actor: SimulatedActor, order: SidewaysOrder) -> IsComplete:
-        """Give an order about an actor's lateral position in its lane."""
+        """Give an order about an actor's lateral position in its lane; return a function that says whether it is
+        complete.
+        """
         self._sideways[actor.id] = self._latest_sideways[actor.id] = order
         return lambda: self._latest_sideways[actor.id] is not order or order.complete()
 
     def start(self, actor: SimulatedActor, at_s: float) -> IsComplete:
-        """Let an actor start at a time."""
+        """Let an actor start at this time."""
         self._starts[actor.id] = at_s
         return lambda: self._simulation.time_s >= at_s - STEP_S / 100
 
     def brake(self, actor: SimulatedActor, braking: Braking) -> None:
-        """Let an actor brake at a time, regardless of its other orders."""
+        """Let an actor brake, regardless of its other orders."""
         self._braking[actor.id] = braking
 
     def ignore_near(self, actor: SimulatedActor, what: str, junction: str) -> None:
@@ -85,7 +87,7 @@ class StandingOrders:
     # --- their effect ----------------------------------------------------------------------------------------------
 
     def take_effect(self) -> None:
-        """Carry out the earlier orders of this step, before the triggers are evaluated."""
+        """Carry out the orders of earlier steps, before the triggers are evaluated in this step."""
         if self._starts:
             self._start_due(self._simulation.time_s)
         if self._bound:
@@ -94,7 +96,7 @@ class StandingOrders:
             self.update(list(self._commands))
 
     def take_late_effect(self) -> None:
-        """Carry out the lateral orders and the braking, after the triggers of this step."""
+        """Carry out the lateral orders and the braking, after the triggers were evaluated in this step."""
         if self._sideways:
             for name, order in list(self._sideways.items()):
                 self._update_sideways(name, order)
@@ -123,7 +125,7 @@ class StandingOrders:
             self._simulation.order_speed(self._simulation.by_id[name], self._simulation.cruise_mps[name])
 
     def _keep_bounds(self) -> None:
-        """Let actors ignore a rule while, and only while, they are near the junction of their order."""
+        """Let actors ignore a rule exactly while they are near the junction of their order."""
         for actor, what, junction in self._bound:
             if not actor.present:
                 continue
@@ -163,7 +165,7 @@ class StandingOrders:
 
     @property
     def now_s(self) -> float:
-        """The simulation time, s, without the rounding errors of adding steps."""
+        """Return the simulation time, s, without the rounding errors of adding steps."""
         return round(self._simulation.time_s, 6)
 
     def _record_meeting(self, actor: str, keeps_mps: float | None, *, over: bool) -> None:
@@ -173,7 +175,7 @@ class StandingOrders:
             add(self.recorded[actor], replace(orders, time_s=self.now_s, speed=speed, keeps_mps=keeps_mps))
 
     def _update_sideways(self, name: str, order: SidewaysOrder) -> None:
-        """Carry out a lateral order, and record the line that results."""
+        """Carry out a lateral order, and record the line at which the vehicle then is."""
         actor = self._simulation.sumo_vehicles[name]
         if not actor.present or not order.update(self._simulation.time_s):
             del self._sideways[name]

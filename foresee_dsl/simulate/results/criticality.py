@@ -25,24 +25,28 @@ from foresee_dsl.simulate.results.footprints import Contacts, Footprints, across
 from foresee_dsl.simulate.trace import ACCELERATION, Trace
 
 AHEAD_M = 100.0
-"""Actors farther ahead along the ego's path have no time headway and no RSS margin, m. Ours: 7 s at 50 km/h."""
+"""An actor farther ahead than this along the ego's path has no time headway and no RSS margin, m. Ours: 7 s at 50
+km/h."""
 BESIDE_M = 10.0
-"""Length of the ego's path behind its centre on which actors count as beside it, m. Ours: half a bus."""
+"""An actor at most this far behind the ego's centre, along its path, counts as beside it, m. Ours: half a bus."""
 SAME_WAY_RAD = math.radians(45)
 """Difference of headings below which two actors drive in the same or, from pi less this, in opposite directions, rad.
-Ours: what turns more crosses; RSS has rules of its own for crossings, which need the map."""
+Ours: actors with a larger difference cross each other's way; RSS has separate rules for those, which need the map."""
 _EVERY_M = 1.0
-"""Spacing of the points of the ego's path that actors are compared with, m; from there their place is exact."""
+"""Spacing of the points of the ego's path with which actors are first compared, m; then their place is computed
+exactly."""
 ON_FOOT_OR_TWO_WHEELS = ("pedestrian", "bicycle")
-"""Kinds of actors whose injury risk is that of a pedestrian struck by a car; there is no curve for cyclists."""
+"""Classes of actors whose injury risk is that of a pedestrian struck by a car; there is no published curve for
+cyclists."""
 
 
 class Measure(StrEnum):
     """A measure of criticality; the value is its name in documents and files.
 
     Attributes:
-        words: its name. unit: of its values; "" for shares. sign: 1 if large values are critical, -1 if small ones are.
-        decimals: with which it is written.
+        words: its name in reports. unit: unit of its values; "" for shares. sign: 1 if large values are critical, -1 if
+            small ones are.
+        decimals: number of decimals in reports.
     """
 
     _value_: str
@@ -71,12 +75,12 @@ class Measure(StrEnum):
 
 
 Series = Mapping[Measure, FloatArray]
-"""Values by measure, one for each frame."""
+"""The values of each measure, one for each frame."""
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Measures at some frames, [N] each; NaN where a measure has no value there."""
+    """The values of all measures at some frames, [N] each; NaN where a measure has no value."""
 
     frames: IntArray
     values: Series
@@ -160,7 +164,7 @@ def of_place(run: Footprints, actor: int, frames: IntArray) -> Evaluated:
     far = gap - formulas.rss_distance(own, speed * along)
     nears = -np.sign(left) * speed * np.sin(turned)
     wide = beside - formulas.rss_lateral_distance(np.zeros(len(own)), nears)
-    # Either distance suffices; where the lateral one is missing, the longitudinal one decides.
+    # One of both distances is enough. Where the lateral one falls short, the longitudinal one decides.
     safe = np.where(wide < 0, far, np.maximum(far, wide))
     return Evaluated(
         frames,
@@ -172,6 +176,6 @@ def of_place(run: Footprints, actor: int, frames: IntArray) -> Evaluated:
 
 
 def _mass_kg(kind: str) -> float:
-    """Return the usual mass of a class; an obstacle is fixed."""
+    """Return the usual mass of a class of actor, kg; an obstacle counts as fixed."""
     mass = next((defaults.mass_kg for name, defaults in CLASS_DEFAULTS.items() if name == kind), 0.0)
     return mass or math.inf

@@ -13,15 +13,15 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import WHOLE, all_whole
 
 CELL_M = 0.5
-"""Side of a square, m. Ours: in a lane of 3.3 m a wheel is 0.6 m from the edge; a wheel passes about 200 squares in a
-run."""
+"""Side of a square, m. Ours: in a lane of 3.3 m a car's wheel is 0.6 m from the edge, so squares of this size fit
+between; a wheel passes about 200 of them in a run."""
 _MOST_CELLS = 4_000_000
-"""Maximum number of squares of a network; a larger network gets larger squares. Ours: 4 MB, a square kilometre at the
-smallest side."""
+"""Maximum number of squares of a network; in a larger network the squares are larger. Ours: 4 MB, or a square kilometre
+of the smallest squares."""
 _UNKNOWN, _PARTLY = 0, 2
 
 _SQUARES: WeakKeyDictionary[RoadNetwork, Squares] = WeakKeyDictionary()
-"""Cache by network: the children of a clip drive on the same network."""
+"""The squares of each network, kept between runs: all mutants of a clip drive on the same network."""
 
 
 def squares_of(network: RoadNetwork) -> Squares:
@@ -33,7 +33,7 @@ def squares_of(network: RoadNetwork) -> Squares:
 
 
 class Squares:
-    """The squares of a network, each tested at its first use.
+    """The squares of a network; each is tested when a point first falls into it.
 
     Attributes:
         left, bottom: the lower left corner of the first square, m. cell: side of a square, m.

@@ -1,8 +1,9 @@
-"""A run as footprints on their paths, and the contacts that constant speeds along these paths would lead to.
+"""Footprints on their paths in a run, and the contacts that would follow if the actors kept their speeds along these
+paths.
 
-A *path* is the curve that a footprint followed in the run, continued straight ahead after the run's end. Ours is that
-actors are predicted along their paths, not along the heading of each frame: with straight lines an actor that turns at
-a junction would have a small time to collision with actors waiting there, and so would two actors that meet in a bend.
+A *path* is the curve that a footprint followed in the run, continued straight ahead after the run's end. Ours: actors
+are predicted along their paths, not along the heading of each frame. With straight lines an actor that turns at a
+junction would have a small time to collision with actors waiting there, and so would two actors that meet in a bend.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 HORIZON_S = 5.0
-"""Longest TTC and PET that count, s. Ours: conflict studies call 1.5 s to 3 s serious."""
+"""Longest TTC and PET that are reported, s. Ours: conflict studies call 1.5 s to 3 s serious."""
 LOOKS_AHEAD_S = 0.1
-"""Time step of the search for TTC, which is then refined to a millisecond, s. Ours: only a touch of two corners is
-shorter, and is missed."""
+"""Time step of the search for a contact, s; the time of the contact is then refined to a millisecond. Ours: only a
+touch of two corners is shorter, and is missed."""
 _STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)
 _HALVINGS = 7
-"""Number of halvings of the step of 0.1 s after which it is shorter than a millisecond."""
+"""Number of halvings after which the step of 0.1 s is shorter than a millisecond."""
 
 
 class Footprints:
-    """A run as footprints."""
+    """All footprints of a run, with their paths."""
 
     def __init__(self, trace: Trace) -> None:
         self.trace = trace
@@ -40,7 +41,7 @@ class Footprints:
         self.radius: FloatArray = np.hypot(self.size[:, 0], self.size[:, 1]) / 2
         delta = self.xy[:, 1:] - self.xy[:, :1]
         self.apart: FloatArray = np.hypot(delta[..., 0], delta[..., 1])
-        """[T, A - 1] distance between the centres, m; NaN where the actor is absent."""
+        """Distance between the centres of the ego and each other actor, [T, A - 1] m; NaN where the actor is absent."""
         self._paths: dict[int, Path] = {}
 
     def boxes(self, frames: IntArray, actors: IntArray | int) -> FloatArray:
@@ -54,7 +55,7 @@ class Footprints:
         return boxes
 
     def path(self, actor: int) -> Path:
-        """Return an actor's path, from the cache."""
+        """Return an actor's path; computed once and then kept."""
         if actor not in self._paths:
             self._paths[actor] = Path(self, actor)
         return self._paths[actor]

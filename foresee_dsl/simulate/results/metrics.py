@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.roads.polyline import Points
 
 SLOWEST_MPS = 1.0
-"""Lowest speed in the computation of `eta`, m/s (the language's definition), so that it is finite for a standing
-vehicle."""
+"""Lowest speed with which `eta` computes, m/s: it keeps the time finite for a standing vehicle. Defined by the
+language."""
 
 
 CREEPS_MPS = 0.5
-"""Assumed approach speed of a vehicle waiting inside a junction, m/s. Ours: it only orders such vehicles by how far
-inside they are."""
+"""Assumed approach speed of a vehicle that waits inside a junction, m/s. Ours: it is used only to order such vehicles
+by how far inside they are."""
 
 
 def ttc(a: Mover, b: Mover) -> float:
@@ -85,12 +85,15 @@ class Outline(NamedTuple):
 
 
 class Outlines:
-    """The outlines of a network's junctions; without a reference to the network, so that both can be freed."""
+    """The outlines of a network's junctions.
+
+    It holds no reference to the network, so that the cache frees both together.
+    """
 
     def __init__(self, network: RoadNetwork) -> None:
         self._junctions, self._rings, self._joints = network.junctions, network.rings, network.joints
         self.of = cache(self._make)
-        """Returns the `Outline` of a junction."""
+        """Function that returns the `Outline` of a junction."""
 
     def distance(self, box: Box, junction: str) -> float:
         """Return the distance of a footprint from a junction, m: 0 if a part of it is inside.
@@ -138,7 +141,7 @@ def outline_of(points: Points) -> Outline:
 
 
 _OUTLINES: WeakKeyDictionary[RoadNetwork, Outlines] = WeakKeyDictionary()
-"""Cache by network: the children of a clip drive on the same network."""
+"""The outlines of each network, kept between runs: all mutants of a clip drive on the same network."""
 
 
 def outlines_of(network: RoadNetwork) -> Outlines:

@@ -33,11 +33,12 @@ CROSSING_RAD = math.radians(20)
 """Difference of headings below which two paths have the same direction at a spot, rad. Ours: the forecast's threshold
 for crossing paths (`crossing_angle_rad`)."""
 _SKIPPED = 4
-"""Every fourth frame is evaluated first, then all frames around the worst of these."""
+"""Every fourth frame is evaluated first, then all frames around the worst of those."""
 _BIN_M = 2.0
-"""Length of the pieces in which paths are first compared, m. Ours: it affects the computing time, not the result."""
+"""Length of the pieces in which paths are first compared, m. Ours: it changes the computing time, not the result."""
 _BEND_M = 0.4
-"""Upper bound of a piece's distance from the straight line, m: 2^2 / (2 x 5) on an arc with a radius of 5 m."""
+"""Upper bound of how far a piece of a path is from the straight line, m: 2^2 / (2 x 5) on an arc with a radius of 5
+m."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class NearMisses:
-    """How near a run came to a failure; a measure is None if no actor came near enough for a value.
+    """How near a run came to a failure; a measure is None if no actor came near enough to have a value.
 
     Attributes:
         distance_m: smallest distance between footprints. ttc_s: smallest time to collision.
@@ -135,7 +136,7 @@ def times_between(trace: Trace, actor: int) -> FloatArray:
 
 
 def _miss(run: Footprints, value: float, frame: int, actor: int) -> NearMiss:
-    """Return a value with its time and the other actor's id."""
+    """Return a value together with its time and the other actor's id."""
     return NearMiss(float(value), float(run.trace.time_s[frame]), run.trace.actors[actor].id)
 
 
@@ -145,7 +146,8 @@ def _miss(run: Footprints, value: float, frame: int, actor: int) -> NearMiss:
 def _closest(run: Footprints) -> NearMiss | None:
     if not np.isfinite(run.apart).any():
         return None
-    # The distance of two footprints is at least that of the circles around them and at most that of circles inside.
+    # Circles around two footprints bound their distance from below, circles inside them bound it from above; most
+    # frames are excluded by these bounds.
     least = run.apart - run.radius[0] - run.radius[1:]
     most = np.maximum(run.apart - run.size[0].min() / 2 - run.size[1:].min(axis=1) / 2, 0.0)
     frames, others = np.nonzero(least <= np.nanmin(most))
@@ -158,7 +160,7 @@ def _closest(run: Footprints) -> NearMiss | None:
 
 
 def _worst(run: Footprints) -> dict[Measure, NearMiss]:
-    """Return the worst value of each measure; a braking of 0 is none."""
+    """Return the worst value of each measure. A needed braking of 0 counts as no value."""
     frames = len(run.xy)
     # The last frame is always evaluated: a failure happens there.
     looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
@@ -195,8 +197,9 @@ class _Pieces:
     """Paths cut into pieces of `_BIN_M`, in the order of their frames.
 
     Attributes:
-        actor: [P] column of the actor. first, last: [P] first and last frame of the piece; all frames of a standing
-            actor are in one piece. middle: [P] a frame between them.
+        actor: [P] column of the actor.
+        first, last: [P] first and last frame of the piece; all frames of a standing actor are in one piece.
+        middle: [P] a frame between them.
     """
 
     actor: IntArray
@@ -211,7 +214,7 @@ def _encroachment(run: Footprints) -> NearMiss | None:
     mine, theirs = _pieces(run, [0]), _pieces(run, list(range(1, run.xy.shape[1])))
     i, j = _candidates(run, mine, theirs)
     gap = np.maximum(np.maximum(mine.first[i] - theirs.last[j], theirs.first[j] - mine.last[i]), 0)
-    best: tuple[int, int, int] | None = None  # steps between, frame, actor
+    best: tuple[int, int, int] | None = None  # the best so far: steps between the two, later frame, actor
     horizon = round(HORIZON_S / STEP_S)
     for k in np.argsort(gap, kind="stable").tolist():
         if gap[k] > horizon or (best is not None and gap[k] >= best[0]):
@@ -275,7 +278,7 @@ def _between(run: Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) ->
 
 
 def _moving(run: Footprints, first: int, last: int, actor: int) -> IntArray:
-    """Return the frames of a piece without the inner frames of a stand: only arriving and leaving count."""
+    """Return the frames of a piece; of a stand only the frames of arriving and of leaving, which alone count."""
     frames = np.arange(first, last + 1)
     stands = run.speed[frames, actor] == 0.0
     inner = stands[1:-1] & stands[:-2] & stands[2:]

@@ -35,7 +35,7 @@ STUCK_SPEED_MPS = 0.1
 
 STUCK_AFTER_S = 20.0
 """Time after which a vehicle that stands without a reason to wait is stuck, s. Ours: longer than any pause for giving
-way in the bundled scenarios; time at a red signal or behind traffic does not count."""
+way in the bundled scenarios. Time at a red signal or behind traffic does not count."""
 
 WHEEL_INSET_M = 0.3
 """Distance of a tyre's inner edge from the vehicle's side, m; the ego is off the road when this edge is. Ours: a tyre
@@ -91,7 +91,7 @@ def _mover(trace: Trace, actor: int) -> Mover:
 
 
 def touched_at(trace: Trace, contact: Impact) -> tuple[float, float]:
-    """Return x and y (m) of the point of contact on the ego's outline, with the ego at its last frame."""
+    """Return x and y (m) of the point of contact on the ego's outline at its last frame."""
     x, y, heading = (float(trace.states[-1, 0, k]) for k in (X, Y, HEADING))
     ahead, left = contact.ahead_m, contact.left_m
     return x + ahead * cos(heading) - left * sin(heading), y + ahead * sin(heading) + left * cos(heading)
@@ -100,11 +100,13 @@ def touched_at(trace: Trace, contact: Impact) -> tuple[float, float]:
 def impact(ego: Mover, other: Mover, name: str) -> Impact:
     """Return how two bodies touched.
 
-    The speeds are those of the overlap. Sides and place are those of the first touch, to which both are moved back
-    along their velocities.
+    The speeds are those at the overlap. Sides and place are those of the first touch, to which both bodies are moved
+    back along their velocities.
 
     Args:
-        ego: the ego, where it overlaps the other. other: the other body, at the same moment. name: the other's id.
+        ego: the ego, where it overlaps the other.
+        other: the other body, at the same moment.
+        name: the other's id.
     """
     since_s, normal = _first_touch(ego, other)
     (ax, ay), (bx, by) = ego.velocity, other.velocity
@@ -186,7 +188,8 @@ def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
     (low, high), (theirs_low, theirs_high) = (
         _outermost(body, sign * nx, sign * ny, (-ny, nx)) for body, sign in ((ego, 1.0), (other, -1.0))
     )
-    # The middle of the common part; if the speeds do not separate the bodies it may be empty: then the nearer end.
+    # The middle of the part that both sides have in common. If the speeds do not separate the bodies, that part may be
+    # empty: then the nearer end.
     across = min(max((max(low, theirs_low) + min(high, theirs_high)) / 2, low), high)
     out = half_extent(ego, normal) + ego.x * nx + ego.y * ny
     dx, dy = out * nx - across * ny - ego.x, out * ny + across * nx - ego.y
@@ -203,7 +206,7 @@ def _outermost(body: Mover, nx: float, ny: float, tangent: tuple[float, float]) 
 
 
 def off_road_points(bicycle: Bicycle, state: BicycleState) -> FloatArray:
-    """Return the four points ([4, 2] m) that must all lie on the drivable area: the tyres' inner edges.
+    """Return the four points ([4, 2] m) that must all lie on the drivable area: the inner edges of the tyres.
 
     The body may hang over the kerb, as it does in tight turns; a wheel may not stand beyond it.
     """
@@ -212,7 +215,7 @@ def off_road_points(bicycle: Bicycle, state: BicycleState) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The end of a run.
+    """How a run ends.
 
     Attributes:
         verdict: the outcome. time_s: its time. with_: id of the other party, or "". reason: a sentence for people.
@@ -294,7 +297,7 @@ class OutcomeJudge:
         return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
 
     def moves(self) -> None:
-        """Note a frame at which the ego moves and of which a cheap test has shown that the run does not end there."""
+        """Note that the ego moves at this frame, and that a cheap test has shown that the run goes on."""
         self._standing_since = None
 
     def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
@@ -331,7 +334,7 @@ class OutcomeJudge:
 def _side(angle: float) -> Side:
     """Return the side of a body whose outward direction is nearest to `angle`, which is relative to the heading."""
     angle = wrap(angle)
-    # Ties go to the front and the rear.
+    # An angle on the border between two sectors counts as front or rear.
     if abs(angle) <= FACING_RAD:
         return "front"
     if abs(angle) >= pi - FACING_RAD:

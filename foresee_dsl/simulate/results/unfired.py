@@ -9,7 +9,7 @@ from foresee_dsl.documents import every_field
 
 @dataclass(frozen=True)
 class Nearest:
-    """How near a part of a condition came to holding.
+    """How near one part of a condition came to holding in a run in which the whole condition never held.
 
     Attributes:
         text: the part, as written. time_s: the time when it was nearest; None if it could never be evaluated.
@@ -37,7 +37,7 @@ class Nearest:
     def words(self) -> str:
         """The nearest approach in words, such as `nearest 7.3 s at 12.4 s`."""
         if self.time_s is None:
-            return "it could not be said at any time"
+            return "it could not be evaluated at any time"
         at = f" at {self.time_s:.2f} s"
         if self.held_s is not None:
             return f"held for {self.held_s:.2f} s{at}"
@@ -50,11 +50,13 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Unfired:
-    """A trigger, or a step of one, that never came.
+    """A trigger, or a step of one, that never began in a run, although it waited for its condition.
 
     Attributes:
-        text: its condition, as written. name: label of the trigger, or "".
-        index: the trigger's number in the file. where: place of a step in the trigger; () for the trigger itself.
+        text: its condition, as written.
+        name: label of the trigger, or "".
+        index: the trigger's number in the file.
+        where: place of a step in the trigger; () for the trigger itself.
         since_s: time from which it waited, s.
         nearest: the nearest approach of each part that never held; if every part held at some time, of the parts that
             did not hold at the moment when most did.

@@ -23,7 +23,7 @@ class Verdict(StrEnum):
     """The outcome of a run, with all its attributes; F1 to F5 are the paper's kinds of failure (section 4.4).
 
     Attributes:
-        label: a few words for tables.
+        label: its name in tables, a few words.
         is_collision: whether it is one of F1 to F5.
         is_failure: whether it is a failure of the software under test: F1 to F5, stuck, or rule.
         style: style of the text in a terminal.
@@ -40,7 +40,7 @@ class Verdict(StrEnum):
     def __new__(
         cls, value: str, label: str, counts_as: str = "", style: str = "bold red", contact: str = "collision with {}"
     ) -> Self:
-        """Make a member; `counts_as`: `collision`, `failure` or neither."""
+        """Create a member; `counts_as`: `collision`, `failure` or neither."""
         verdict = str.__new__(cls, value)
         verdict._value_, verdict.label, verdict.style, verdict.contact = value, label, style, contact
         verdict.is_collision, verdict.is_failure = counts_as == "collision", bool(counts_as)
@@ -68,7 +68,7 @@ EXPECTATION = "expectation"
 """Text that reports show instead of the verdict `pass` if an expectation does not hold."""
 COLLISIONS = tuple(verdict for verdict in Verdict if verdict.is_collision)
 FAILURES = tuple(verdict for verdict in Verdict if verdict.is_failure)
-"""The verdicts that count as failures, in the order of the tables."""
+"""The verdicts that count as failures, in the order in which tables list them."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class ExpectationResult:
         text: the line, as written. held: whether it held.
         margin: distance to the bound, positive if the line held; None without a number.
         unit: unit of the margin: that of the deciding comparison.
-        decides: the deciding comparison or fact, as text; "" if it had no outcome at any frame.
+        decides: the comparison or fact that decided the result, as text; "" if it had no outcome at any frame.
         name: the line's label, or "".
         value: the value that the deciding comparison compared with its bound, in `unit`; None without a comparison.
     """
@@ -94,7 +94,7 @@ class ExpectationResult:
 
     @property
     def broken_sentence(self) -> str:
-        """The reason of a run that breaks the expectation: the expectation and the measured value."""
+        """Return the reason of a run that breaks the expectation, with the expectation and the measured value."""
         measured = ""
         if self.value is not None:
             measured = f" ({self.value:.2f} {self.unit}".rstrip() + f" in `{self.decides}`)"
@@ -132,7 +132,7 @@ class Impact:
     other_mps: float
 
     def as_document(self) -> dict[str, object]:
-        """Return its JSON document."""
+        """Return the contact as a JSON document."""
         return {
             "with": self.with_,
             "side": self.side,
@@ -149,12 +149,12 @@ class Impact:
 
     @property
     def turned_deg(self) -> float:
-        """`turned_rad` in degrees."""
+        """Return `turned_rad` in degrees."""
         return math.degrees(self.turned_rad)
 
     @property
     def struck(self) -> str:
-        """The party that struck the other, in words."""
+        """Return in words which party struck the other."""
         return {
             "ego": f"the ego struck {self.with_}",
             "other": f"{self.with_} struck the ego",
@@ -165,7 +165,10 @@ class Impact:
 
 @dataclass(frozen=True)
 class Hang:
-    """The call with which a driver exceeded a limit of wall time; on another machine it may not exceed it."""
+    """The call during which a driver exceeded a limit of wall time.
+
+    On a faster machine the same call may stay within the limit.
+    """
 
     call: Literal["reset", "step", "run"]
     limit_s: float
@@ -212,17 +215,18 @@ class RunResult:
     trace: Trace
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
-    """The contact, also the one of an `invalid` first frame; None without a contact, such as off the road."""
+    """The contact, also that of a run that is `invalid` at its first frame; None without a contact, such as off the
+    road."""
     notes: DriverNotes = NO_NOTES
-    """The driver's output, exception, or hang."""
+    """What the developer of the driver may want to know: the driver's output, exception, or hang."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
     unfired: tuple[Unfired, ...] = ()
-    """Triggers and steps that never came; computed only on request (`simulate.triggers.unfired`)."""
+    """Triggers and steps that never began in the run; computed only on request (`simulate.triggers.unfired`)."""
 
     @property
     def broken_expectations(self) -> tuple[str, ...]:
-        """The expectations that do not hold, one sentence each."""
+        """Return the expectations that do not hold, one sentence each."""
         return tuple(result.broken_sentence for result in self.expectations if not result.held)
 
     @property
@@ -232,5 +236,5 @@ class RunResult:
 
     @cached_property
     def near_misses(self) -> NearMisses:
-        """How near the run came to a failure; computed at the first access."""
+        """Return how near the run came to a failure; computed at the first call and then kept."""
         return near_misses(self.trace)

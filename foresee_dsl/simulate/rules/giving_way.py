@@ -1,9 +1,9 @@
-"""Whether an actor gives way: to pedestrians on a crossing, and to vehicles with the right of way.
+"""Judges whether an actor gives way: to pedestrians on a crossing, and to vehicles with the right of way.
 
-An actor takes a way from another one if it enters the area where both ways meet (`Conflict.own`) although the other has
-priority, and the other would have to stop or to brake abruptly: it would come there, as it moves when the actor enters,
-before the actor has left. That follows from VCRT article 1(aa), by which giving way means not to go on where that may
-compel others to change speed or direction abruptly. How others then react does not count.
+An actor fails to give way if it enters the area where its way and another actor's way meet (`Conflict.own`), although
+the other has priority and would have to stop or to brake abruptly: moving on as it did at that moment, the other would
+arrive before the first has left. That follows from VCRT article 1(aa), by which giving way means not to go on where
+that may compel others to change speed or direction abruptly. How the other actor then reacts does not count.
 """
 
 from __future__ import annotations
@@ -23,27 +23,29 @@ from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, COMFORT_MPS2
 ON_CROSSING_M = 0.5
 """Distance from a crossing within which a pedestrian counts as on it, m. Ours: a pedestrian's width."""
 ABOUT_TO_M = 3.0
-"""A pedestrian that walks towards a crossing is about to use it within this distance of its end, m: VCRT article 21(2)
-asks drivers to heed those, too. Ours: 2 s of walking."""
+"""A pedestrian that walks towards a crossing and is this near to its end is about to use it, m: VCRT article 21(2) asks
+drivers to heed such pedestrians, too. Ours: 2 s of walking."""
 WALKS_MPS = 0.3
-"""Speed below which a pedestrian beside an actor's way does not cross it, m/s. Ours, as `simulate.sensing` and
-`compile.placement.paths` use it: a slower one does not get across in time."""
+"""A pedestrian beside an actor's way that is slower than this does not cross it, m/s. Ours, as `simulate.sensing` and
+`compile.placement.paths` use it: a slower pedestrian does not get across in time."""
 APPROACH_M = 150.0
-"""Distance within which a vehicle with the right of way counts, m. Ours: 7 s at 80 km/h, longer than any passage of a
+"""A vehicle with the right of way counts up to this distance, m. Ours: 7 s at 80 km/h, longer than any passage of a
 junction."""
 WAITS_WITHIN_M = 20.0
-"""A vehicle that stands this near before the area that an actor blocks is kept from going on, m. Ours: the width of a
-junction, and a car's length before its stop line."""
+"""A vehicle that stands at most this far before an area that an actor blocks is kept from going on, m. Ours: the width
+of a junction, and a car's length before its stop line."""
 _GO = "gG"
-"""SUMO's letters for green; the small one goes after others."""
+"""SUMO's letters for a green light; with the small one a stream must yield to others."""
 
 
 @dataclass(slots=True)
 class Contender:
-    """An actor with priority when another one enters its way.
+    """An actor that has priority when another actor enters its way.
 
     Attributes:
-        actor: its id. room_m: distance from its front to the common area. speed_mps: its speed along its way.
+        actor: its id.
+        room_m: distance from its front to the area that both ways share.
+        speed_mps: its speed along its way.
         since_s: time for which a pedestrian has been on the crossing or about to use it; infinite for others.
     """
 
@@ -55,11 +57,14 @@ class Contender:
 
 @dataclass(slots=True, eq=False)
 class YieldArea:
-    """A common area of an actor's way and another one, at which it has to give way.
+    """An area where an actor's way meets another way, to which the actor has to give way there.
 
     Attributes:
-        junction: id of the junction. begin_s, end_s: the area along the actor's line, m.
-        conflict: the other way. movement: the actor's. contenders: those with priority when the actor entered.
+        junction: id of the junction.
+        begin_s, end_s: the area along the actor's line, m.
+        conflict: the other way.
+        movement: the actor's movement through the junction.
+        contenders: those with priority when the actor entered.
         entered_s: time at which the actor entered, s; infinite before that.
     """
 
@@ -78,12 +83,12 @@ class YieldArea:
 
     @property
     def joins(self) -> bool:
-        """Whether both ways go on along the same lane."""
+        """Whether both ways continue on the same lane."""
         other = self.conflict.of
         return isinstance(other, Movement) and other.to_lane == self.movement.to_lane
 
     def taken_from(self, time_s: float, speed_mps: float) -> Iterator[str]:
-        """Yield the ids of the actors whose way was taken, when the actor leaves the area at this time and speed."""
+        """Yield the ids of the actors that were not given way, if the actor leaves the area at this time and speed."""
         for contender in self.contenders:
             if _hindered(contender, time_s - self.entered_s, speed_mps, self):
                 yield contender.actor
@@ -99,19 +104,22 @@ def _hindered(contender: Contender, inside_s: float, speed_mps: float, area: Yie
     if speed * inside_s <= room:
         return False
     braking = 2 * (speed * inside_s - room) / (inside_s * inside_s)
-    if braking * inside_s > speed:  # it would stand before the actor has left
+    if braking * inside_s > speed:  # it would come to a stand before the actor has left
         braking = speed * speed / (2 * max(room, 0.1))
     return braking > COMFORT_MPS2
 
 
 def yield_areas(simulation: Simulation, passage: Passage) -> Sequence[YieldArea]:
-    """Return the areas on an actor's passage over a junction at which it has to give way, in their order."""
+    """Return the areas on an actor's passage over a junction at which it has to give way, in the order in which it
+    reaches them.
+    """
     network, movement = simulation.network, passage.movement
     all_stop = network.junctions[passage.junction].type == ALL_WAY_STOP
     areas = [
         YieldArea(passage.junction, passage.entry_s + c.own[0], passage.entry_s + c.own[1], c, movement)
         for c in conflicts_of(network, movement)
-        if c.yields and not (all_stop and not c.pedestrian)  # there the first to come goes first
+        # At an all-way stop the first vehicle to arrive goes first, so no way has priority.
+        if c.yields and not (all_stop and not c.pedestrian)
     ]
     return sorted(areas, key=lambda area: area.begin_s)
 
@@ -172,7 +180,7 @@ def _coming(simulation: Simulation, other: SimulatedActor, area: YieldArea) -> C
     front = line.project(other.x, other.y)[0] + other.length / 2
     room = theirs.entry_s + conflict.other[0] - conflict.entry_s - front
     if not 0.0 < room <= APPROACH_M:
-        return None  # one that is in the area already is followed, not hindered
+        return None  # an actor that is in the area already is followed, not hindered
     before = front < theirs.entry_s
     if before and conflict.tls and simulation.world.signals.colour(conflict.tls, conflict.link) != "green":
         return None
@@ -180,7 +188,7 @@ def _coming(simulation: Simulation, other: SimulatedActor, area: YieldArea) -> C
 
 
 def blocks_others(simulation: Simulation, actor: SimulatedActor, passage: Passage, rear_s: float) -> bool:
-    """Return whether an actor that stands in a junction keeps a vehicle from going on that has green, or no signal."""
+    """Return whether an actor that stands in a junction blocks a vehicle that has a green light there, or no signal."""
     front_s, signals = rear_s + actor.length, simulation.world.signals
     for conflict in conflicts_of(simulation.network, passage.movement):
         begin_s, end_s = passage.entry_s + conflict.own[0], passage.entry_s + conflict.own[1]

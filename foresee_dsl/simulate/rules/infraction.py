@@ -1,7 +1,8 @@
-"""The traffic rules that a run is judged by, and the record of a broken one.
+"""The traffic rules by which a run is judged, and the record of a broken rule.
 
 Sources: the Vienna Convention on Road Traffic of 1968 (VCRT) and the Vienna Convention on Road Signs and Signals of
-1968 (VCRSS) define the rules; CARLA's leaderboard, whose infractions they cover, has the thresholds of the stop sign.
+1968 (VCRSS) define the rules; the thresholds of the stop sign are those of CARLA's leaderboard, whose infractions the
+rules cover.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ class Rule(StrEnum):
     """A traffic rule.
 
     Attributes:
-        breaks: how it is broken, in words that follow the actor's name; braces for the other actor, the place and the
-            value.
+        breaks: how an actor breaks it, in words that follow the actor's name, with braces for the other actor, the
+            place and the value.
         source: where it is defined.
-        fails: whether a run fails by it. A driver's mission does not say where stop signs are, so an ego that passes
+        fails: whether a run fails if the ego breaks it. A driver's mission does not say where stop signs are, so an ego
+            that passes
             one is only reported.
     """
 
@@ -33,7 +35,7 @@ class Rule(StrEnum):
     fails: bool
 
     def __new__(cls, value: str, breaks: str, source: str, effect: str = "fails") -> Self:
-        """Make a member; `effect`: `fails` or `reports`."""
+        """Create a member; `effect`: `fails` or `reports`."""
         rule = str.__new__(cls, value)
         rule._value_, rule.breaks, rule.source, rule.fails = value, breaks, source, effect == "fails"
         return rule
@@ -57,8 +59,10 @@ class Infraction:
     """A broken rule.
 
     Attributes:
-        rule: the rule. actor: id of the actor that broke it. time_s: when it did, or began to.
-        place: id of the junction, or of the road's edge. until_s: when it ceased; `time_s` for what has no duration.
+        rule: the rule. actor: id of the actor that broke it. time_s: time at which the actor broke the rule, or began
+            to.
+        place: id of the junction, or of the road's edge. until_s: time at which it stopped breaking the rule; equal to
+            `time_s` if that has no duration.
         other: id of the actor to which it did not yield, or "".
         value: slowest speed at the stop line, or the largest speed above the limit, m/s; otherwise None.
     """
@@ -72,7 +76,7 @@ class Infraction:
     value: float | None = None
 
     def as_document(self) -> dict[str, object]:
-        """Return its JSON document."""
+        """Return the infraction as a JSON document."""
         return {
             "rule": self.rule,
             "actor": self.actor,
@@ -92,13 +96,13 @@ class Infraction:
 
     @property
     def clause(self) -> str:
-        """It in words, without the time: `runs red at king_oak`."""
+        """Return the infraction in words, without the time: `runs red at king_oak`."""
         value = self.value or 0.0
         return self.rule.breaks.format(other=self.other, place=self.place, value=value, kmh=value * 3.6)
 
     @property
     def sentence(self) -> str:
-        """It in words: `ego runs red at king_oak, 12.30 s`."""
+        """Return the infraction in words: `ego runs red at king_oak, 12.30 s`."""
         until = f" to {self.until_s:.2f} s" if self.until_s > self.time_s else ""
         return f"{self.actor} {self.clause}, {self.time_s:.2f} s{until}"
 
@@ -107,7 +111,9 @@ _STORED: TypeAdapter[tuple[Infraction, ...]] = TypeAdapter(tuple[Infraction, ...
 
 
 def infractions_in(meta: Mapping[str, Any]) -> tuple[Infraction, ...]:
-    """Return the infractions that a trace's `meta` holds; none if it has no readable ones, as of an older version."""
+    """Return the infractions that a trace's `meta` contains; none if they cannot be read, such as those of an older
+    version.
+    """
     try:
         return _STORED.validate_python(meta.get("infractions", ()))
     except ValidationError:

@@ -1,4 +1,6 @@
-"""Whether an actor could still stop before a line, and at which colour and how slowly it passed the line."""
+"""Decides whether an actor could still stop before a line, and records at which colour and how slowly it passed the
+line.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,8 @@ class StopLine:
     Attributes:
         passage: the actor's way over the junction.
         must_stop: whether there is a stop sign.
-        warned: whether its light was not green at the last frame. could_stop: whether the actor could stop when the
-            light ceased to be green, or at the first frame of the run.
+        warned: whether its light was not green at the last frame. could_stop: whether the actor could stop in time when
+            the light ceased to be green (or at the run's first frame).
         red: whether the light was red at the last frame.
         slowest_mps: smallest speed so far near the line.
     """
@@ -52,11 +54,11 @@ class StopLine:
 
     @property
     def entry_s(self) -> float:
-        """Its place along the actor's line, m."""
+        """Return the length along the actor's line at which the line is, m."""
         return self.passage.entry_s
 
     def see(self, colour: str, room_m: float, speed_mps: float) -> bool:
-        """Note the light's colour at a frame; return whether the light was red at this frame and at the last one."""
+        """Record the light's colour at a frame; return whether the light was red at this frame and at the last one."""
         warned, still_red = colour in ("amber", "red"), self.red and colour == "red"
         if warned and not self.warned:
             self.could_stop = self.could_stop and can_stop(room_m, speed_mps)
@@ -66,6 +68,6 @@ class StopLine:
         return still_red
 
     def slow(self, room_m: float, speed_mps: float) -> None:
-        """Note the speed at a frame."""
+        """Record the actor's speed at a frame."""
         if room_m <= STOPS_WITHIN_M + STOP_BEFORE_M:
             self.slowest_mps = min(self.slowest_mps, speed_mps)

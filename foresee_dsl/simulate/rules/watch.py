@@ -1,8 +1,8 @@
-"""Follows one actor along its route, and notes each traffic rule that it breaks.
+"""Follows one actor along its route and records each traffic rule that it breaks.
 
-A rule counts only where the actor could keep it: a red light or a crossing that it could not stop for any more when the
-run began, or when the light changed, does not. So clips and mutants, which begin in the middle of a drive, are judged
-by what happens in them.
+A rule counts only where the actor could keep it. A red light or a crossing for which it could no longer stop, when the
+run began or when the light changed, does not count. So clips and mutants, which begin in the middle of a drive, are
+judged by what happens in them.
 """
 
 from __future__ import annotations
@@ -28,18 +28,20 @@ FASTER_MPS = 3.0 / 3.6
 """Excess over the speed limit that is not reported, m/s. Ours: 3 km/h, the least allowance of German speed enforcement
 (PTB requirements 18.11: 3 km/h up to 100 km/h)."""
 FASTER_FOR_S = 1.0
-"""Time for which an actor is faster before that is reported, s. Ours: a controller may overshoot for a moment."""
+"""An actor must be too fast for at least this long before that is reported, s. Ours: a controller may overshoot for a
+moment."""
 SLOWS_MPS2 = 1.0
-"""Deceleration with which an actor has to slow down that begins the run above the limit, m/s^2. Ours: rolling out."""
+"""An actor that is too fast when the run begins must slow down at least at this rate, m/s^2. Ours: a car that rolls
+without accelerator."""
 AGAINST_RAD = math.radians(120)
 """An actor whose lane leads in a direction that differs by more than this from its own is on the wrong side, rad:
 `MAX_ALLOWED_ANGLE` of `WrongLaneTest` in CARLA's leaderboard."""
 PASSES_M = 15.0
-"""An actor that stands this near ahead or beside, in the lanes of the right direction, may be passed on the other
-side, m (VCRT article 11). Ours: the length of a lorry and a gap."""
+"""An actor that stands this near ahead or beside, in the lanes of the right direction, may be passed on the wrong side,
+m (VCRT article 11). Ours: the length of a lorry and a gap."""
 BLOCKS_AFTER_S = 5.0
-"""Time for which an actor stands in the way of others in a junction before that is reported, s. Ours: longer than any
-pause for a pedestrian on the junction's far side, a third of a green phase."""
+"""An actor must stand in the way of others in a junction for at least this long before that is reported, s. Ours:
+longer than any pause for a pedestrian on the junction's far side, a third of a green phase."""
 _LONG_SPANS = {Rule.SPEED: FASTER_FOR_S, Rule.SIDE: 0.0, Rule.BLOCKED: BLOCKS_AFTER_S}
 
 
@@ -64,7 +66,7 @@ class RuleWatch:
         self._fronts: list[tuple[float, float]] = []
         self._open: dict[Rule, Infraction] = {}
         self._over_mps = 0.0
-        # Until then a clip's ego follows recorded states, whatever its driver answers.
+        # Up to this time a clip's ego follows recorded states, whatever its driver answers, so no rule is judged.
         self._from_s = actor.placed.recorded[-1].time_s if actor.placed.recorded else 0.0
         if self._line is not None:
             self._prepare(self._line)
@@ -103,7 +105,7 @@ class RuleWatch:
         self._follow(line, s, left_m, speed)
 
     def near_areas(self, within_m: float) -> Iterator[YieldArea]:
-        """Yield the places ahead of the actor, no farther than this, m, at which it has to give way."""
+        """Yield the areas ahead of the actor, at most `within_m` away, at which it has to give way."""
         front = self._fronts[-1][0] if self._fronts else -math.inf
         for area in self._areas:
             if area.begin_s - front > within_m:
@@ -111,13 +113,13 @@ class RuleWatch:
             yield area
 
     def comes(self, area: YieldArea, other: str) -> bool:
-        """Return whether another actor goes first at a place now, and has not passed it."""
+        """Return whether another actor has priority at an area now, and has not passed it."""
         return any(contender.actor == other for contender in contenders(self._simulation, self._actor, area))
 
     def end(self, decision: Decision) -> tuple[Infraction, ...]:
-        """Return all infractions of the run, in the order of time, when it has ended with this decision.
+        """Return all infractions of the run in the order of time, after the run has ended with this decision.
 
-        A contact with an actor that goes first is an infraction of this frame. A second call changes nothing.
+        A contact with an actor that has priority is an infraction at this frame. A second call changes nothing.
         """
         self.look()
         for area in self._inside:
@@ -129,15 +131,18 @@ class RuleWatch:
         return tuple(sorted(self.infractions, key=lambda infraction: infraction.time_s))
 
     def _place(self, line: RouteLine) -> tuple[float, float]:
-        """Return the length along the actor's line, and the distance to its left, m."""
+        """Return the length along the actor's line, and the distance to the left of the line, m."""
         simulation, actor = self._simulation, self._actor
         if actor is simulation.ego:
             return simulation.progress.of(actor, simulation.frame)
-        near = self._fronts[-1][0] - self._half if self._fronts else None  # `Progress` must not learn of it
+        # `Progress` is not used, because it stores each projection, and later ones begin there.
+        near = self._fronts[-1][0] - self._half if self._fronts else None
         return line.project(actor.x, actor.y, near)
 
     def _begin(self, line: RouteLine, front: float, s: float, speed: float) -> None:
-        """Leave out what the actor has passed, and note for what it can still stop, at the run's first frame."""
+        """At the run's first frame, skip what the actor has already passed, and record for which lines it can still
+        stop.
+        """
         self._stops = [stop for stop in self._stops if stop.entry_s > front]
         for stop in self._stops[:1]:
             stop.could_stop = can_stop(stop.entry_s - front, speed)
@@ -174,7 +179,7 @@ class RuleWatch:
             self._inside.append(area)
 
     def _could_yield(self, area: YieldArea, contender: Contender) -> bool:
-        """Return whether the actor could still stop when a pedestrian was about to use the crossing."""
+        """Return whether the actor could still stop when a pedestrian began to be about to use the crossing."""
         if math.isinf(contender.since_s):
             return True
         front, speed = self._fronts[max(len(self._fronts) - 1 - round(contender.since_s / STEP_S), 0)]
@@ -201,7 +206,10 @@ class RuleWatch:
     # --- what lasts -------------------------------------------------------------------------------------------------
 
     def _follow(self, line: RouteLine, s: float, left_m: float, speed: float) -> None:
-        """Judge what lasts for a time: nearly always a comparison of two numbers shows that nothing is wrong."""
+        """Judge the rules that are broken for a time, such as a speed limit.
+
+        Nearly always a comparison of two numbers shows that no such rule is broken.
+        """
         rules = self._open
         if speed > self._slowest_limit + FASTER_MPS or Rule.SPEED in rules or self._over_mps > 0.0:
             self._speed(line, s, speed)
@@ -212,7 +220,7 @@ class RuleWatch:
             self._span(Rule.BLOCKED, bool(blocked), line, s, place=blocked)
 
     def _limit(self, line: RouteLine, s: float) -> float:
-        """Return the speed limit at a place of a line, m/s."""
+        """Return the speed limit at a length along a line, m/s."""
         return line.limits[max(bisect_right(line.marks, s) - 1, 0)]
 
     def _speed(self, line: RouteLine, s: float, speed: float) -> None:
@@ -222,7 +230,9 @@ class RuleWatch:
         self._span(Rule.SPEED, faster, line, s, value=excess)
 
     def _on_wrong_side(self, line: RouteLine, s: float, left_m: float) -> bool:
-        """Return whether the actor's middle is in a lane that leads against its way, without anything to pass."""
+        """Return whether the actor's middle is in a lane of the opposite direction, while there is nothing that it
+        could be passing.
+        """
         side = self._side[max(bisect_right(line.marks, s) - 1, 0)]
         if left_m * self._sign <= side or any(p.entry_s <= s <= p.exit_s for p in line.passages):
             return False
@@ -235,7 +245,7 @@ class RuleWatch:
         return not self._passes(line, s)
 
     def _passes(self, line: RouteLine, s: float) -> bool:
-        """Return whether an actor stands in the right lanes, beside the actor or close before it."""
+        """Return whether an actor stands in the lanes of the right direction, beside this actor or close before it."""
         for other in self._simulation.others(self._actor):
             if other.speed < STOPPED_MPS:
                 at, left_m = line.project(other.x, other.y)
@@ -256,7 +266,7 @@ class RuleWatch:
     def _span(
         self, rule: Rule, holds: bool, line: RouteLine, s: float, *, place: str = "", value: float | None = None
     ) -> None:
-        """Note that a rule is broken at this frame, or not any more."""
+        """Record that a rule is broken at this frame (`holds`), or that it is no longer broken."""
         begun, time_s = self._open.get(rule), self._simulation.time_s
         if not holds:
             if begun is not None:

@@ -1,4 +1,4 @@
-"""The driver's sensors: observations limited by range, field of view, occlusion, latency and noise.
+"""The driver's sensors: they limit observations by range, field of view, occlusion, latency and noise.
 
 `Sensing` is created once a run and called once a frame. Modules, in the order of a measurement: `weather` (ranges),
 `sight` (objects in sight), `noise` and `objects` (the object list and its track numbers), `perception` (observations

@@ -1,5 +1,6 @@
-"""Lines of sight without a driver's sensors: between any two actors of a simulation, and from the ego of a recorded
-run."""
+"""Lines of sight between any two actors of a simulation and from the ego of a recorded run, without a driver's
+sensors.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from foresee_dsl.simulate.actors.simulation import Simulation
 
 FAR_M = 5000.0
-"""A range longer than any distance within a network, m. Ours."""
+"""A range that is longer than any distance within a network, m. Ours."""
 _ALL_AROUND = replace(
     STANDARD,
     ranges=ClassRanges(**dict.fromkeys(ClassRanges.__dataclass_fields__, FAR_M)),
@@ -30,10 +31,13 @@ _ALL_AROUND = replace(
 
 
 class LinesOfSight:
-    """The lines of sight between actors at the current frame; the eye is above the middle of its footprint."""
+    """The lines of sight between the actors at the current frame.
+
+    An actor's eye is above the middle of its footprint.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
-        """Begin without eyes: each actor's eye is prepared at its first use."""
+        """Begin without eyes: the eye of an actor is prepared when it is first needed."""
         self._simulation = simulation
         self._sights: dict[int, Sight] = {}
         self._seen: dict[int, tuple[int, frozenset[int]]] = {}
@@ -58,9 +62,9 @@ class LinesOfSight:
 
 
 def sight_of(trace: Trace, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> Sight:
-    """Return the lines of sight from a run's ego, with the standard or other sensors but without their noise.
+    """Return the lines of sight from a run's ego through these sensors, without their noise.
 
-    Without the bundle there are no buildings and no weather, and every actor has the usual height of its class.
+    Without the bundle, no building hides an actor, the air is clear, and every actor has the usual height of its class.
     """
     if bundle is not None:
         scene = bundle.scene

@@ -20,13 +20,13 @@ from foresee_dsl.kernels.noise import hashes, normals_over
 
 
 def key_of(seed: int, name: str) -> int:
-    """Return the key of a stream of numbers: 64 bits of SHA-256 over a run's seed and an object's name."""
+    """Return the key of a sequence of random numbers: 64 bits of SHA-256 over the run's seed and an object's name."""
     digest = hashlib.sha256(f"foresee 1 sensing\0{seed}\0{name}".encode()).digest()
     return int.from_bytes(digest[:8], "big")
 
 
 def keys_of(seed: int, names: Sequence[str], streams: int) -> Hashes:
-    """Return the keys of several streams of each name, [N, streams]."""
+    """Return the keys of several sequences for each name, [N, streams]."""
     keys = np.array([key_of(seed, name) for name in names], dtype=np.uint64)
     return hashes(keys, np.arange(streams, dtype=np.int64))
 
@@ -43,7 +43,7 @@ class Streams:
     _BLOCK = 64
 
     def __init__(self, seed: int, names: Sequence[str], slow_shares: Sequence[float], slow_frames: int) -> None:
-        """Prepare the streams of these objects.
+        """Prepare the noise of these objects.
 
         `slow_shares`: drifting share of the variance, by channel. `slow_frames`: frames between two knots of the drift.
         """
@@ -55,8 +55,9 @@ class Streams:
         self._rows: list[list[list[float]]] = []
 
     def normals(self, frame: int) -> list[list[float]]:
-        """Return the errors at an absolute frame, in standard deviations, by object and channel; computed in blocks of
-        frames."""
+        """Return the errors at an absolute frame, in standard deviations, by object and channel; they are computed in
+        blocks of frames.
+        """
         if not self._first <= frame < self._end:
             self._first = frame - frame % self._BLOCK
             self._end = self._first + self._BLOCK

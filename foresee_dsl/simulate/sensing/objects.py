@@ -1,4 +1,4 @@
-"""The object list: the actors in sight that the sensors do not miss, measured with noise."""
+"""The object list of the sensors: the actors in sight that are not missed, measured with noise."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from foresee_dsl.simulate.trace import STEP_S
 Pose = tuple[float, float, float]
 
 LEAST_SIZE = 0.5
-"""Smallest measured length or width, as a share of the true one. Ours: far beyond the errors of STANDARD; keeps sizes
-positive."""
+"""Smallest measured length or width, as a share of the true one. Ours: it keeps sizes positive, and is far beyond the
+errors of STANDARD."""
 
 
 def frames_of(time_s: float) -> int:
@@ -34,34 +34,34 @@ def frames_of(time_s: float) -> int:
 
 
 _Row = make_dataclass("_Row", [(field.name, field.type) for field in fields(SeenActor)], slots=True)
-"""A mutable class from which `SeenActor`s are created fast. A frozen dataclass sets each field through a function, 1 us
-for eight fields; a mutable class with the same fields takes a quarter of that. Python allows `__class__` to be set to a
-class with the same slots."""
+"""A mutable class from which `SeenActor`s are created fast. A frozen dataclass sets each field through a function call,
+which takes 1 us for eight fields; a mutable class with the same fields takes a quarter of that. The instance is then
+turned into a `SeenActor`: Python allows `__class__` to be set to a class with the same slots."""
 
 
 _AT_ONCE = 1024
-"""Size of the blocks of track numbers; each block is used up in a random order. Ours: more than a run needs."""
+"""Number of track numbers in a block; each block is used up in a random order. Ours: more than a run needs."""
 
 
-@lru_cache(maxsize=16)  # the runs of a campaign mostly have one seed
+@lru_cache(maxsize=16)  # cached, because most runs of a campaign have the same seed
 def _order(seed: int) -> tuple[int, ...]:
     return tuple(np.argsort(keys_of(seed, ("tracks",), _AT_ONCE)[0], kind="stable").tolist())
 
 
 class SensedTracks:
-    """Assigns track numbers; each number is used once in a run."""
+    """Assigns track numbers to objects; each number is used for one object of a run only."""
 
     def __init__(self, seed: int, forgets_frames: int) -> None:
-        """Begin a run; an object unseen for more frames than `forgets_frames` gets a new number."""
+        """Begin a run. An object that was not seen for more than `forgets_frames` frames gets a new number."""
         self._order = _order(seed)
         self._forgets = forgets_frames
         self._count = 0
         self._last: dict[int, tuple[int, int]] = {}
         self.objects: dict[int, int] = {}
-        """The object of each number so far, in the order of the numbers' first use."""
+        """The object of each track number so far, in the order in which the numbers were first used."""
 
     def of(self, index: int, frame: int) -> int:
-        """Return the number of an object that is seen at a frame (frames come in order)."""
+        """Return the track number of an object that is seen at a frame; frames must come in order."""
         last = self._last.get(index)
         if last is not None and frame - last[1] <= self._forgets:
             number = last[0]
@@ -108,7 +108,9 @@ class ObjectList:
 
     @property
     def numbered(self) -> Mapping[int, int]:
-        """The index of the object of each track number so far, in the order of the numbers' first use."""
+        """Return the index of the object of each track number so far, in the order in which the numbers were first
+        used.
+        """
         return self._tracks.objects
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
@@ -120,7 +122,7 @@ class ObjectList:
 
         Args:
             frame: absolute frame, in the time of the run from which the clip was cut.
-            ego: true pose: x, y, heading. estimated: pose of its localisation.
+            ego: true pose: x, y, heading. estimated: the ego's pose as its localisation estimates it.
             states: [N, >=4] x, y, heading, speed of the others; NaN where absent.
         """
         kinds, track = self._kinds, self._tracks.of
@@ -129,8 +131,10 @@ class ObjectList:
         return ObjectTable([track(k, frame) for k in seen], [kinds[k] for k in seen], rows)
 
     def reported(self, frame: int, ego: Pose, states: FloatArray) -> frozenset[int]:
-        """Return the indices of the objects that a scan at a frame would report; arguments as for `table`. It assigns
-        no track numbers, so that a query changes nothing."""
+        """Return the indices of the objects that a scan at a frame would report; arguments as for `table`.
+
+        It assigns no track numbers, so a query changes nothing.
+        """
         return frozenset(int(row[-1]) for row in self._rows(frame, ego, ego, states).tolist())
 
     def _rows(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> FloatArray:

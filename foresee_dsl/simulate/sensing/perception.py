@@ -30,7 +30,7 @@ _MEASURED_LATER = frozenset({"actors", "signals", "ego", "views"})
 
 @dataclass(eq=False, slots=True)
 class _Scan:
-    """The true state at an absolute frame, and the measurements of it once the driver has read them.
+    """The true state at an absolute frame, and, once the driver has read them, the measurements of that state.
 
     Attributes:
         measured_s: the frame's time in this run. pose: the ego's pose. states: [N, >=4] x, y, heading, speed of the
@@ -51,20 +51,22 @@ class _Scan:
 _OpenEgoState: Any = make_dataclass(
     "_OpenEgoState", [(field.name, field.type) for field in fields(EgoState)], slots=True
 )
-"""A mutable class from which `EgoState`s are created fast: see `objects._Row`."""
+"""A mutable class from which `EgoState`s are created fast; `objects._Row` explains how."""
 
 
 class _LazyObservation(Observation):
-    """An observation that is measured when it is first read, which saves time if the driver does not read every one.
+    """An observation that is measured when the driver first reads it, which saves time if the driver does not read each
+    one.
 
-    Its values do not depend on the time of reading: noise is a function of time, and scans are measured in order.
+    Its values do not depend on the time of reading, because noise is a function of time and scans are measured in
+    order.
     """
 
     __slots__ = ("_source",)
     _source: tuple[Sensing, _Scan, int, FloatArray]
 
     def __getattr__(self, name: str) -> object:
-        """Measure a field at its first access (Python calls this for an empty slot)."""
+        """Measure a field when it is first read; Python calls this method for a slot that is still empty."""
         if name not in _MEASURED_LATER:
             raise AttributeError(name)
         sensing, scan, frame, states = self._source
@@ -81,13 +83,15 @@ class _LazyObservation(Observation):
         return value
 
     def object_table(self) -> ObjectTable | None:
-        """Return the object list as arrays, for the bundled drivers; None for a copy by `dataclasses.replace`, whose
-        actors may have been changed."""
+        """Return the object list as arrays, for the bundled drivers.
+
+        None for a copy made by `dataclasses.replace`, whose actors may have been changed.
+        """
         source = getattr(self, "_source", None)
         return source[0].table(source[1]) if source is not None else None
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle as a plain observation, without the pictures."""
+        """Pickle the observation as a plain one, without the pictures."""
         return Observation, (self.time_s, self.ego, self.actors, self.signals, self.measured_s)
 
 
@@ -102,7 +106,7 @@ class Sensing:
     def __init__(
         self, simulation: Simulation, mission: Mission, seed: int, settings: SensorSettings = STANDARD
     ) -> None:
-        """Prepare the sensors of a run; `mission` determines the signals that they observe."""
+        """Prepare the sensors of a run; the `mission` says which signals they observe."""
         scene = simulation.scene
         others = simulation.actors[1:]
         bodies = Bodies.of([actor.placed.model for actor in others])
@@ -113,7 +117,7 @@ class Sensing:
         self._sight = Sight(bodies, simulation.network.buildings, settings, air)
         self._objects = ObjectList(bodies, [actor.id for actor in others], self._sight, settings, seed)
         self._heads = SignalHeads(mission, settings)
-        # The mission's line may begin elsewhere than the scene's.
+        # The mission's line and the scene's line may begin at different places, so lengths along them differ by this.
         self._shift_s = mission.start_s - scene.start_s
         self._links = {
             passage.signal: (passage.signal.rpartition(":")[0], int(passage.signal.rpartition(":")[2]))
@@ -144,7 +148,7 @@ class Sensing:
 
     @property
     def numbered(self) -> Mapping[int, int]:
-        """The index of the other actor of each track number so far; see `ObjectList.numbered`."""
+        """Return the index of the other actor of each track number so far; see `ObjectList.numbered`."""
         return self._objects.numbered
 
     def true_signals(self) -> dict[str, SignalColour]:
@@ -186,8 +190,10 @@ class Sensing:
 
     @Part.SENSING.measured
     def ego_state(self, frame: int, states: FloatArray) -> EgoState:
-        """Return the ego's measured state at an absolute frame, from the true states. Speed, acceleration, yaw rate and
-        steering are exact, as the vehicle measures them itself."""
+        """Return the ego's measured state at an absolute frame, from the true states.
+
+        Speed, acceleration, yaw rate and steering are exact, because the vehicle measures them itself.
+        """
         state = _OpenEgoState(*states[0].tolist())
         state.x, state.y, state.heading_rad = self._estimated_pose(frame, (state.x, state.y, state.heading_rad))
         state.__class__ = EgoState
@@ -196,7 +202,7 @@ class Sensing:
     @Part.SENSING.measured
     def table(self, scan: _Scan) -> ObjectTable:
         """Return the object list of a scan."""
-        while scan.table is None:  # in the order of the frames, which decides the track numbers
+        while scan.table is None:  # in the order of the frames, because the order decides the track numbers
             early = self._unseen.popleft()
             estimated = self._estimated_pose(early.frame, early.pose)
             early.table = self._objects.table(early.frame, early.pose, estimated, early.states)
@@ -238,7 +244,7 @@ class Sensing:
         return self._simulation.progress.of(self._simulation.ego, self._simulation.frame)[0] + self._shift_s
 
     def _scan_before(self, frame: int, states: FloatArray) -> _Scan:
-        """Return a scan at a frame before the first one, extrapolated with the speeds at the first frame."""
+        """Return a scan at a frame before the first one, computed from the speeds at the first frame."""
         back_s = (self._began - frame) * STEP_S
         before = states.copy()
         before[:, X] -= states[:, SPEED] * np.cos(states[:, HEADING]) * back_s
@@ -277,7 +283,7 @@ class SignalHeads:
         ]
 
     def near(self, ego: Pose, s: float, range_m: float) -> list[int]:
-        """Return the indices of the heads in range and ahead of the ego, whose junction it has not left.
+        """Return the indices of the heads that are in range and ahead of the ego, and whose junction it has not left.
 
         `ego`: x, y, heading. `s`: the ego's length along the mission's line, m.
         """
@@ -292,16 +298,16 @@ class SignalHeads:
         return near
 
     def signals(self, heads: Iterable[int]) -> tuple[str, ...]:
-        """Return the keys of the signals with these heads, each once."""
+        """Return the keys of the signals that these heads belong to, each once."""
         return tuple(dict.fromkeys([self._signals[k] for k in heads]))
 
     def in_view(self, heads: list[int], sight: Sight, ego: Pose, poses: FloatArray) -> tuple[str, ...]:
-        """Return the keys of the signals with a visible head; `heads`: the heads in range, in order.
+        """Return the keys of the signals of which a head is visible.
 
-        `ego`: x, y, heading. `poses`: [N, >=3] of the others.
+        `heads`: indices of the heads in range, in order. `ego`: x, y, heading. `poses`: [N, >=3] of the others.
         """
         if not heads:
             return ()
-        first, last = heads[0], heads[-1]  # one range: the few heads out of reach in it cost little
+        first, last = heads[0], heads[-1]  # one range for all heads; the few that are beyond it cost little
         clear = sight.clear(ego[0], ego[1], poses, self._places[first : last + 1]).tolist()
         return self.signals([k for k in heads if clear[k - first]])

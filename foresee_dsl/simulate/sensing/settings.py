@@ -1,4 +1,4 @@
-"""Settings of the sensors: ranges, fields of view, occlusion, latency, noise. Two presets: STANDARD and IDEAL.
+"""Settings of the sensors: ranges, fields of view, occlusion, latency, noise. It has two presets, STANDARD and IDEAL.
 
 The values are those of a roof lidar, surround cameras and their fusion, from public benchmarks and data sheets. "Ours"
 marks a value that was chosen because none was published.
@@ -67,8 +67,8 @@ class ObjectNoise:
 class Dropouts:
     """Probability that an object in view is missed: `least`, plus up to `most` at the end of the range.
 
-    Ours: `least + most * (distance / range) ** steepness`, with the range in the current weather. Detectors find nearly
-    all near objects and lose half of the objects within the last tenths of their range.
+    Ours: the probability is `least + most * (distance / range) ** steepness`, with the range in the current weather.
+    Detectors find nearly all near objects and lose half of the objects within the last tenths of their range.
 
     Attributes:
         lasts_s: duration of a miss, s. Ours: two scans of a lidar at 10 Hz.

@@ -18,7 +18,7 @@ from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorS
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
 
 _AROUND_M = 10.0
-"""Distance that the eye may move before the walls near it are looked up again, m."""
+"""Distance by which the eye may move before the walls near it are looked up again, m."""
 
 
 @lru_cache(maxsize=8)
@@ -40,13 +40,15 @@ class Walls:
     """The outlines of buildings. A building does not block the view of an eye inside it."""
 
     def __init__(self, buildings: Iterable[Points], reach_m: float) -> None:
-        """Prepare outlines (m), open or closed, in either direction; `reach_m`: longest line of sight."""
+        """Prepare the outlines of buildings (m), open or closed, in either direction; `reach_m`: longest line
+        of sight.
+        """
         self._all = self._near = _sides(tuple(tuple(outline) for outline in buildings))
         self._reach_m = reach_m + 2 * _AROUND_M
         self._looked_up: tuple[float, float] | None = None
 
     def near(self, x: float, y: float) -> Records:
-        """Return a superset of the walls that lines of sight from an eye may meet, [M]."""
+        """Return all walls that lines of sight from an eye may meet, [M]; some others may be among them."""
         at = self._looked_up
         if at is None or abs(x - at[0]) > _AROUND_M or abs(y - at[1]) > _AROUND_M:
             self._looked_up = (x, y)
@@ -56,7 +58,9 @@ class Walls:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The visible bodies of N objects: their classes, [N, 2] lengths and widths, and [N] heights, m."""
+    """The bodies of N objects as far as sight depends on them: their classes, [N, 2] lengths and widths, [N] heights,
+    m.
+    """
 
     kinds: tuple[str, ...]
     sizes_m: FloatArray
@@ -72,7 +76,7 @@ class Bodies:
 
 @lru_cache(maxsize=16)
 def _ranges(clear: ClassRanges, air: Air | None) -> dict[str, float]:
-    """Return the range of each class, m; `air` None: without an effect of the weather."""
+    """Return the range of each class, m; without `air`, weather has no effect."""
     return {kind: far if air is None else air.object_range_m(far) for kind, far in asdict(clear).items()}
 
 
@@ -87,7 +91,7 @@ class Sight:
     def __init__(
         self, bodies: Bodies, buildings: Iterable[Points], settings: SensorSettings = STANDARD, air: Air = CLEAR
     ) -> None:
-        """Prepare for a scene: its objects, the outlines of its buildings (m), and the weather."""
+        """Prepare the lines of sight of a scene: its objects, the outlines of its buildings (m), and the weather."""
         reach = _ranges(settings.ranges, air if settings.weather else None)
         self.range_m = np.array([reach[kind] for kind in bodies.kinds], dtype=np.float64)
         self.signal_range_m = (
@@ -98,7 +102,7 @@ class Sight:
         rises = bodies.heights_m[:, None] * shares - settings.eye_m
         rows = np.column_stack([bodies.sizes_m, rises, self.range_m, np.zeros(len(bodies.kinds))])
         self.bodies: Records = rows.view(dtype_of(BodyRecord))[:, 0]
-        # A body beyond the longest range cannot hide a visible object.
+        # A body beyond the longest range cannot hide an object that is within its range.
         reach_m = max(float(self.range_m.max(initial=0.0)), self.signal_range_m)
         all_around = settings.field_of_view_rad >= math.tau
         ahead_share = -2.0 if all_around else math.cos(settings.field_of_view_rad / 2)

@@ -1,6 +1,6 @@
-"""Pictures for drivers: the input that a view gets of a run and of a step. Plug-ins provide the views.
+"""Pictures for learned drivers: the input that a view gets of a run and of a step. Plug-ins provide the views.
 
-A view is a function from `StepViews` to an array of uint8, [channels, rows, columns], an entry point of the group
+A view is a function from `StepViews` to an array of uint8, [channels, rows, columns], and an entry point of the group
 `foresee_dsl.raster_views` (docs/reference/rasters.md). A view is imported and drawn only when a driver requests it.
 """
 
@@ -43,7 +43,8 @@ class RunViews:
     _loaded: dict[str, Callable[..., NDArray[np.uint8]]] = field(default_factory=dict, init=False, repr=False)
 
     def view(self, name: str) -> Callable[..., NDArray[np.uint8]]:
-        """Return an installed view by its name, found once a run: finding one takes 0.1 ms, a picture 0.5 ms.
+        """Return an installed view by its name. A view is looked up once a run, because that takes 0.1 ms and a picture
+        0.5 ms.
 
         Raises:
             DriverError: no installed package draws it; the message names the plug-in that does, if it is one of ours.
@@ -56,7 +57,8 @@ class RunViews:
 class StepViews:
     """The pictures of one step (`Observation.views`); each call draws the picture again.
 
-    Not a dataclass: a driver in another process gets the fields of dataclasses, and no road network or true positions.
+    It is not a dataclass, because a driver in another process gets the fields of dataclasses, and must get neither the
+    road network nor true positions.
 
     Attributes:
         run: the constant data of the run. ego, actors, signals: as in the observation.

@@ -11,13 +11,14 @@ import math
 from dataclasses import dataclass
 
 FOG_VISIBILITY_M = 50.0
-"""Visibility at fog 1, m: the densest class of fog in the Open Simulation Interface, "thick", ends at 50 m; with less
-visibility traffic stops. It is inversely proportional to the ratio: fog 0.25 is 200 m, fog 0.05 is mist of 1 km."""
+"""Visibility at fog 1, m. The densest class of fog in the Open Simulation Interface, "thick", ends at 50 m; with less
+visibility traffic stops. Visibility is inversely proportional to the fog: at 0.25 it is 200 m, at 0.05 (mist) 1 km."""
 KOSCHMIEDER = 3.0
-"""Extinction times visibility: at this distance 5 % of the light is left (Koschmieder; the Met Office's definition)."""
+"""Product of extinction and visibility: the visibility is the distance at which 5 % of the light is left (Koschmieder;
+the Met Office's definition)."""
 RAIN_MM_H = 50.0
-"""Rain 1, mm/h: the lower bound of a violent shower, as the Met Office defines it (its guide in The Independent,
-5 January 1998)."""
+"""Rate of rain 1, mm/h: the lower bound of a violent shower, as the Met Office defines it (its guide in The
+Independent, 5 January 1998)."""
 RAIN_K, RAIN_POWER = 1.076, 0.67
 """Attenuation in rain of R mm/h: 1.076 R^0.67 dB/km for optical links (Carbonneau and Wisely 1998): 15 dB/km at
 50 mm/h."""
@@ -28,13 +29,13 @@ RAIN_LOSES = 0.3
 """Share by which rain (1) reduces the range of signals. Ours: drops on the windscreen; the air itself does not dim a
 lamp over such distances."""
 _PER_M = math.log(10.0) / 10.0 / 1000.0
-"""1 dB/km in 1/m."""
+"""Attenuation of 1 dB/km as an extinction coefficient, 1/m."""
 _CLOSE_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """The scene's rain, fog and sun, ratios from 0 to 1."""
+    """The rain, fog and sun of a scene, each a ratio from 0 to 1."""
 
     rain: float = 0.0
     fog: float = 0.0
@@ -50,7 +51,7 @@ class Air:
         """Return the range in this air, m, of an object with the range `clear_m` in clear air."""
         extinction = self.extinction
         low, high = 0.0, clear_m
-        while high - low > _CLOSE_M:  # r^2 exp(2 a r) = R^2, or r exp(a r) = R: the left side grows
+        while high - low > _CLOSE_M:  # solves r^2 exp(2 a r) = R^2, or r exp(a r) = R, whose left side grows with r
             middle = (low + high) / 2
             if middle * math.exp(extinction * middle) > clear_m:
                 high = middle

@@ -1,1 +1,1 @@
-"""Triggers: their conditions, their actions, and the state of both during a run."""
+"""The triggers of a scenario in a run: their conditions, their actions, and the state of both."""

@@ -1,4 +1,6 @@
-"""Follows conditions over time: how long the condition of a `for` has held, and the `expect` lines of a scenario."""
+"""Follows conditions over time: for how long the condition of a `for` has held, and the `expect` lines of a
+scenario.
+"""
 
 from __future__ import annotations
 
@@ -35,18 +37,19 @@ Note = Callable[[int, HoldingTime | None], None]
 class Watch:
     """Follows one condition of a trigger, step or expectation; call `look` at every frame that counts.
 
-    Every part is evaluated at every frame, even where `and` or `or` would not need it, so that the history of a `for`
+    Every part is evaluated at every frame, even if `and` or `or` is already decided, so that the history of a `for`
     does not depend on the parts beside it.
     """
 
     def __init__(self, condition: Condition, conditions: Conditions, note: Note | None = None) -> None:
-        """Begin with the frame of the first `look`."""
+        """Begin to follow a condition at the frame of the first `look`."""
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
         self._kinds: dict[int, ConditionKind] = {}
         self._last: tuple[int, ConditionOutcome | None] | None = None
         self.truth: Truth = truth_of(condition, conditions) or self._followed
-        """Returns whether the condition holds at this frame, without its margin; None if it cannot be evaluated."""
+        """Function that returns whether the condition holds at this frame, without its margin; None if it cannot be
+        evaluated."""
         self._held: tuple[int, bool | None] = (-1, None)
 
     def look(self) -> ConditionOutcome | None:
@@ -58,7 +61,7 @@ class Watch:
         return self._last[1]
 
     def holds(self) -> bool:
-        """Return whether the condition holds at this frame; without an outcome it does not."""
+        """Return whether the condition holds at this frame; a condition that cannot be evaluated does not."""
         outcome = self.look()
         return outcome is not None and outcome.held
 
@@ -75,11 +78,12 @@ class Watch:
 
     @property
     def runs(self) -> Runs:
-        """The runs of those `for`s whose condition holds now, by their place."""
+        """Return, for each `for` whose condition holds now, how long it has held; the key is its place in `parts`."""
         return {number: window.run for number, window in self._windows.items() if window.run is not None}
 
     def _look(self, condition: Condition, number: int, *, positive: bool) -> tuple[ConditionOutcome | None, int]:
-        """Return the outcome of a part and the number of the next part (`parts` counts outer parts first).
+        """Return the outcome of a part, and the number of the part after it (in `parts`, an outer part comes before its
+        inner ones).
 
         `positive`: whether the part stands under an even number of `not`.
         """
@@ -108,7 +112,7 @@ class Watch:
 
 
 class _Window:
-    """The history of a `for`: the outcomes of its condition over the required duration, from `now_s` on.
+    """The recent history of the condition of a `for`: its outcomes over the required duration, from `now_s` on.
 
     `unsaid`: whether a frame without an outcome counts as holding in `run`.
     """
@@ -168,7 +172,7 @@ class Expectations:
 
 
 class _Watched:
-    """One expectation; its margin is the distance to the opposite result.
+    """One expectation of a run. Its margin is the distance from where its result would be the opposite.
 
     Attributes:
         settled: whether its result cannot change any more.
@@ -191,7 +195,7 @@ class _Watched:
         if self._fact is not None:
             held = self._fact()
             if held is None or held is self._was:
-                return  # an outcome without a margin that equals the last one does not change the result
+                return  # the same outcome as before, without a margin, leaves the result as it is
             self._was = held
         outcome = self._watch.look()
         if outcome is None:
@@ -200,14 +204,14 @@ class _Watched:
             outcome = outcome.negated()
         join = some if self._expect.mode == "eventually" else every
         self._so_far = outcome if self._so_far is None else join((self._so_far, outcome))
-        # The margin of a deciding fact cannot change in a later frame, as it has none.
+        # A fact that decides has no margin, so later frames cannot change it.
         decides = self._so_far is not None and self._so_far.held == (self._expect.mode == "eventually")
         self.settled = decides and isinstance(self._expect.condition, Predicate)
 
     def result(self) -> ExpectationResult:
         text, name = print_item(self._expect), self._expect.name or ""
         outcome = self._so_far
-        if outcome is None:  # it never had an outcome
+        if outcome is None:  # no frame had an outcome
             return ExpectationResult(text, self._expect.mode != "eventually", name=name)
         decides = text_of(outcome.decides) if outcome.decides is not None else ""
         if not math.isfinite(outcome.margin):

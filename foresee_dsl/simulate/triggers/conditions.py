@@ -36,15 +36,15 @@ _Between = Literal["eta", "distance", "ttc", "ttc_along", "headway", "lateral", 
 
 
 class Eyes(Protocol):
-    """The ego's sensors."""
+    """The sensors of the ego, as far as conditions need them."""
 
     def reports(self, actor: str) -> bool:
-        """Return whether they report an actor at the current frame."""
+        """Return whether the sensors report an actor at the current frame."""
         ...
 
 
 class Sightlines(Protocol):
-    """Lines of sight between actors, without sensors."""
+    """The lines of sight between actors, which do not depend on sensors."""
 
     def clear(self, eye: str, actor: str) -> bool:
         """Return whether nothing hides an actor from another one."""
@@ -97,7 +97,7 @@ class Conditions:
         self.outlines = outlines_of(simulation.network)
         self.states = simulation.state_table.states
         self.sizes = np.array([(actor.length, actor.width) for actor in simulation.actors]).reshape(-1, 2)
-        """[A, 7] the states of all actors, and [A, 2] their lengths and widths, m, for kernels."""
+        """States of all actors, [A, 7], and their lengths and widths, [A, 2] m, for kernels."""
         self.rows = {actor.id: row for row, actor in enumerate(simulation.actors)}
         self.ways = Ways(simulation)
         self._rules: dict[str, RuleWatch] = {}
@@ -135,13 +135,13 @@ class Conditions:
         return actor is not None and any(overlaps(actor.box, other.box) for other in self.simulation.others(actor))
 
     def rules(self, actor: SimulatedActor) -> RuleWatch:
-        """Return the traffic rules that an actor breaks, followed from the first call on."""
+        """Return the traffic rules that an actor has broken, followed from the first call of this method on."""
         if actor.id not in self._rules:
             self._rules[actor.id] = RuleWatch(self.simulation, actor)
         return self._rules[actor.id]
 
     def end_rules(self, decision: Decision) -> None:
-        """Establish the infractions that a run's end shows, at the frame at which it ends."""
+        """Add the infractions that only the end of the run shows, at the frame at which it ends."""
         for watch in self._rules.values():
             watch.end(decision)
 
@@ -160,21 +160,23 @@ class Conditions:
 
 
 def every(outcomes: Iterable[ConditionOutcome | None], *, unknown: bool = False) -> ConditionOutcome | None:
-    """Return the outcome of `and`: a part that does not hold decides; otherwise None if a part has no outcome, or with
-    `unknown`."""
+    """Return the outcome of `and`.
+
+    A part that does not hold decides; otherwise the outcome is None if a part has none, or with `unknown`.
+    """
     return _joined(tuple(outcomes), enough=False, unknown=unknown)
 
 
 def some(outcomes: Iterable[ConditionOutcome | None]) -> ConditionOutcome | None:
-    """Return the outcome of `or`: a part that holds decides; otherwise None if a part has no outcome."""
+    """Return the outcome of `or`. A part that holds decides; otherwise the outcome is None if a part has none."""
     return _joined(tuple(outcomes), enough=True, unknown=False)
 
 
 def _joined(outcomes: tuple[ConditionOutcome | None, ...], *, enough: bool, unknown: bool) -> ConditionOutcome | None:
-    """Join outcomes of which one with `held == enough` decides.
+    """Join outcomes, where one with `held == enough` decides.
 
-    The margin is that of a deciding part: of those with the dimension of the first, the smallest for `and`, the largest
-    for `or`.
+    The margin is that of a deciding part: among the parts with the dimension of the first, the smallest for `and`, the
+    largest for `or`.
     """
     present = [outcome for outcome in outcomes if outcome is not None]
     deciding = [outcome for outcome in present if outcome.held == enough]

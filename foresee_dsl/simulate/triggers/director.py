@@ -1,4 +1,5 @@
-"""Carries out triggers: actors start, stop, change speed or lane, ignore rules, or meet another actor.
+"""Carries out the triggers of a run: makes actors start, stop, change speed or lane, ignore rules, or meet another
+actor.
 
 Each effect is recorded as an event: the steps of triggers (see `trigger`), `place` (the position of a place on an
 actor's route), and each actor's actions. The state that a clip needs to begin in between is recorded too (see
@@ -49,7 +50,8 @@ class Director:
         self._latest_path: dict[str, object] = {}
         self._strays: list[tuple[float, m.ChangesLine]] = []
         self._things: list[Order] = []
-        # The position of a place on a route depends on where its actor starts.
+        # The place that a text such as `12 m after start` means depends on where its actor starts, so the scene states
+        # it.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
         self._triggers = [Trigger(index, when, conditions, self) for index, when in enumerate(simulation.scene.whens)]
@@ -61,7 +63,8 @@ class Director:
         for trigger in self._triggers:
             trigger.look()
         self._orders.take_effect()
-        # A completed action lets the next one begin in the same step; its order may be complete at once.
+        # A completed action may let the next one begin in the same step, and the order of that one may be complete at
+        # once.
         while True:
             self._orders.new.clear()
             for trigger in self._triggers:
@@ -88,12 +91,14 @@ class Director:
         self._recorder.event(self._simulation.time_s, actor, what, detail)
 
     def act(self, action: m.Action) -> IsComplete:
-        """Begin an action; return a function that returns whether it is complete."""
+        """Begin an action; return a function that says whether it is complete."""
         if isinstance(action, m.Wait):
             until = self._simulation.time_s + si_of(action.duration)
             return lambda: self._simulation.time_s >= until - STEP_S / 100
         if isinstance(action, m.Then):
-            raise TypeError("a block is not an action of its own: `Sequence` goes through it")
+            raise TypeError(
+                "a block of actions cannot be carried out as one action; `Sequence` carries out its actions"
+            )
         match action:
             case m.TurnsTo():
                 return self._turn(action)
@@ -163,7 +168,7 @@ class Director:
             self.event("place", {"text": text, "x": x, "y": y})
 
     def _stray(self, time_s: float) -> None:
-        """Let actors whose time has come go to another line, or back."""
+        """Let actors that are to leave their line for a time go to the other line, or back, when the time has come."""
         due = [(at, action) for at, action in self._strays if time_s >= at - STEP_S / 100]
         self._strays = [stray for stray in self._strays if stray not in due]
         for _, action in due:
@@ -178,7 +183,8 @@ class Director:
         meeting = Meeting(self._simulation, self._recorder, actor, meets)
         if actor.placed.timing == 1.0:
             return self._orders.give(actor, meeting)
-        # A meeting would compensate the actor's `timing`; instead the actor drives at the speed of now, times `timing`.
+        # A meeting adapts the speed and would compensate the actor's `timing`; instead the actor drives at the speed
+        # that the order sets now, times `timing`.
         if not meeting.over():
             self._orders.end(actor)
             self._simulation.cruise_mps[actor.id] = meeting.pace_mps() * actor.placed.timing
@@ -213,7 +219,9 @@ class Director:
         return lambda: self._in_lane(actor, target)
 
     def _in_lane(self, actor: SimulatedActor, target: str) -> bool:
-        """Return whether an actor has reached a lane, or cannot: there is none, or it is on another road by now."""
+        """Return whether an actor has reached a lane, or cannot reach it: the lane does not exist, or the actor is on
+        another road by now.
+        """
         lane = self._simulation.network.lanes.get(target)
         if (
             lane is None
@@ -248,14 +256,14 @@ class Director:
         self.event("stops_at", detail, actor.id)
         if not halt.missed:
             return self._orders.give(actor, halt)
-        # It drives on, and its earlier speed order ends.
+        # The actor drives on, and its earlier speed order ends.
         self._orders.end(actor)
         self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
         self._orders.note(actor, halt)
         return _at_once
 
     def _settled(self, action: _Item) -> _Item:
-        """Return an action with the current points instead of places relative to moving actors."""
+        """Return an action in which each place relative to a moving actor is replaced by its current point."""
         points: dict[str, m.Point] = {}
         for field, value in fields_of(action):
             if isinstance(value, m.OfActor) and "." not in field and (at := self._at(value)) is not None:
@@ -263,7 +271,7 @@ class Director:
         return action.model_copy(update=points) if points else action
 
     def _at(self, where: m.AtStop | m.Place) -> tuple[float, float] | None:
-        """Return the current x and y of a place, m; None if it is relative to an absent actor."""
+        """Return the current x and y of a place, m; None if the place is relative to an absent actor."""
         if isinstance(where, m.Point):
             return si_of(where.x), si_of(where.y)
         if isinstance(where, m.OfActor):
@@ -272,14 +280,14 @@ class Director:
         return self._simulation.scene.places[where]
 
     def _spot_on(self, actor: SimulatedActor, where: m.AtStop | m.Place) -> StopSpot:
-        """Return the position of a place along an actor's route."""
+        """Return where a place is along an actor's route."""
         progress = self._simulation.progress
         at = self._at(where)
         s = math.nan if at is None else progress.along(actor, *at)
         if not isinstance(where, m.AtStop):
             return StopSpot(s)
         stop = self._simulation.network.stops[where.stop]
-        if math.isnan(s) and stop.bay:  # a line that begins in the bay may stay away from the lanes for cars
+        if math.isnan(s) and stop.bay:  # a line that begins in the bay may not return to the lanes for cars
             s = progress.along(actor, *stop.lane.line.at(stop.pos_m)[:2])
         return StopSpot(s, stop, stop.length_m - actor.length)
 
@@ -309,7 +317,7 @@ class Director:
     def _reverse(self, actor: SimulatedActor, action: m.Reverses) -> IsComplete:
         self.event("reverses", {"length_m": si_of(action.length), "speed_mps": si_of(action.speed)}, actor.id)
         if not isinstance(actor, GuidedVehicle) or actor.guide is not None:
-            return _at_once  # it does not follow a lane
+            return _at_once  # an actor on a path does not follow a lane
         return self._orders.give(actor, Reverse(self._simulation, actor, si_of(action.length), si_of(action.speed)))
 
     def _follow_path(self, actor: SimulatedActor, action: m.FollowsPath) -> IsComplete:
@@ -343,7 +351,7 @@ class Director:
             detail = {"other": action.other, "side": word_of(action.side), "room_m": si_of(action.room)}
             self.event("keeps_beside", detail, actor.id)
         if vehicle is None or vehicle.id not in self._simulation.world:
-            return _at_once  # it does not follow a lane
+            return _at_once  # an actor on a path does not follow a lane
         if isinstance(action, m.ChangesLine):
             order = LateralShift(self._simulation, vehicle, action)
         elif action.other in self._simulation.by_id:
@@ -380,12 +388,12 @@ class Director:
 
 
 def _at_once() -> bool:
-    """Return True: the action is complete as soon as it has begun."""
+    """Return True: the test for actions that are complete as soon as they have begun."""
     return True
 
 
 def _there_and_back(actor: str, strays: Timed) -> list[tuple[float, m.ChangesLine]]:
-    """Return the times and actions with which an actor goes to its temporary line and back."""
+    """Return the times and actions with which an actor goes to a temporary line and back."""
     there = m.ChangesLine(actor=actor, to=m.Quantity.of(strays.value, "length", 4))
     back = there.model_copy(update={"to": m.Quantity.of(0.0, "length", 4)})
     return [(at, action) for at, action in ((strays.from_s, there), (strays.until_s, back)) if math.isfinite(at)]

@@ -1,7 +1,7 @@
-"""Evaluates each kind of condition in a run: one class per kind, bound to the run and its actors.
+"""Evaluates conditions in a run: one class per kind of condition, bound to the run and its actors.
 
-A kind computes its outcome with the margin (`outcome`), only its truth where that is cheaper (`truth`), the cost of an
-evaluation, and the distance of a fact from holding (`away`). `condition_history` joins kinds by `and`, `or`, `not` and
+A kind computes its outcome with the margin (`outcome`), its truth alone where that is cheaper (`truth`), the cost of an
+evaluation, and how far a fact is from holding (`away`). `condition_history` joins kinds by `and`, `or`, `not` and
 `for`; `truth_of` joins their truths and evaluates the cheapest parts first.
 """
 
@@ -28,14 +28,14 @@ YIELDS_WITHIN_M = 30.0
 """Distance to a place within which an actor that lets another one pass there yields to it, m. Ours, as
 `simulate.judging.AHEAD_M`."""
 Truth = Callable[[], bool | None]
-"""Returns whether a condition holds now; None if it cannot be evaluated."""
+"""A function that returns whether a condition holds now; None if it cannot be evaluated."""
 
 
 class ConditionKind:
-    """A condition without parts, in one run.
+    """A condition without parts, bound to one run.
 
     Attributes:
-        cost: cost of evaluating its truth.
+        cost: how expensive it is to evaluate its truth.
     """
 
     def __init__(self, condition: m.Condition, run: Conditions) -> None:
@@ -43,20 +43,20 @@ class ConditionKind:
         self.cost = cost_of(condition, run)
 
     def outcome(self) -> ConditionOutcome | None:
-        """Return whether it holds now, and its margin; None if it cannot be evaluated."""
+        """Return whether the condition holds now, and by which margin; None if it cannot be evaluated."""
         raise NotImplementedError
 
     def truth(self) -> bool | None:
-        """Return whether it holds now; None if it cannot be evaluated."""
+        """Return whether the condition holds now; None if it cannot be evaluated."""
         outcome = self.outcome()
         return None if outcome is None else bool(outcome.held)
 
     def away(self) -> tuple[float, str] | None:
-        """Return the distance of a fact from holding, m, and the reason; None if it has no distance."""
+        """Return how far a fact is from holding, m, and why; None if the fact has no such distance."""
         return None
 
     def fact(self, held: bool) -> ConditionOutcome:
-        """Return the outcome of a condition that is not a comparison."""
+        """Return the outcome of a condition that is a fact, not a comparison."""
         return ConditionOutcome(held, decides=self.condition)
 
     def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> ConditionOutcome:
@@ -70,7 +70,7 @@ class _Compared(ConditionKind):
 
     def __init__(self, condition: m.Comparison, run: Conditions) -> None:
         if not isinstance(condition.left, m.Measure):
-            raise TypeError(f"`{condition.left!r}` is not a measure of a run")
+            raise TypeError(f"`{condition.left!r}` is not a measure that a run can compute")
         super().__init__(condition, run)
         self._bound, self._right = si_of(condition.right), condition.right
         self._above, self._equal = condition.op[0] == ">", condition.op[-1] == "="
@@ -91,7 +91,7 @@ class _Compared(ConditionKind):
 
 
 class _Arrives(ConditionKind):
-    """`arrived(ego)`."""
+    """The condition `arrived(ego)`."""
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -118,7 +118,7 @@ class _Arrives(ConditionKind):
 
 
 class _Collides(ConditionKind):
-    """`collision(ego)`."""
+    """The condition `collision(ego)`."""
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -139,7 +139,7 @@ class _Collides(ConditionKind):
 
 
 class _InAnyJunction(ConditionKind):
-    """`ego in junction`."""
+    """The condition `ego in junction`."""
 
     def __init__(self, condition: m.InJunction, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -150,7 +150,7 @@ class _InAnyJunction(ConditionKind):
         away = math.nan if actor is None else self._away(actor)
         if math.isnan(away):
             return None
-        # There is no margin inside: the depth inside a junction is meaningless.
+        # Inside there is no margin, because a depth inside a junction would mean nothing.
         return ConditionOutcome(False, -away, "m", self.condition, "length") if away > 0 else self.fact(True)
 
     def _away(self, actor: SimulatedActor) -> float:
@@ -158,7 +158,7 @@ class _InAnyJunction(ConditionKind):
 
 
 class _InJunction(_InAnyJunction):
-    """`ego in junction(j4)`."""
+    """The condition `ego in junction(j4)`."""
 
     def __init__(self, condition: m.InJunction, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -183,7 +183,9 @@ class _InJunction(_InAnyJunction):
 
 
 class _Beside(ConditionKind):
-    """`a ahead of b`, `a behind b`, `a in lane of b`, `a in lane 1`: an actor's position along and across a way."""
+    """Conditions about an actor's position along and across a way: `a ahead of b`, `a behind b`, `a in lane of b`, `a
+    in lane 1`.
+    """
 
     def __init__(self, condition: m.Ahead | m.Behind | m.SameLane | m.InLane, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -211,7 +213,7 @@ class _Beside(ConditionKind):
 
 
 class _Seen(ConditionKind):
-    """`ego sees walker`, by its sensors; `walker in sight of bus`, by a line of sight."""
+    """The conditions `ego sees walker`, by the ego's sensors, and `walker in sight of bus`, by a line of sight."""
 
     def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -237,7 +239,7 @@ class _Seen(ConditionKind):
 
 
 class _Near(ConditionKind):
-    """`walker within 10 m of ego`."""
+    """The condition `walker within 10 m of ego`."""
 
     def __init__(self, condition: m.Within, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -269,7 +271,7 @@ class _Near(ConditionKind):
 
 
 class _Signalled(ConditionKind):
-    """`ego.signal(j4) is red`, `signal(j4) is ns_go`."""
+    """The conditions `ego.signal(j4) is red` and `signal(j4) is ns_go`."""
 
     def __init__(self, condition: m.Shows, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -288,7 +290,7 @@ class _Signalled(ConditionKind):
         return None if link is None else self.fact(lights.colour(*link) == self._state)
 
     def _link(self, actor: SimulatedActor, tls: str) -> tuple[str, int] | None:
-        """Return the signal and the link that apply to an actor until it has left the junction."""
+        """Return the signal and the link that apply to an actor, up to the frame at which it has left the junction."""
         if isinstance(actor, PathActor):
             stops = actor.placed.walk_stops
             return next(((name, link) for _, leaves, name, link in stops if name == tls and leaves > actor.along), None)
@@ -300,7 +302,7 @@ class _Signalled(ConditionKind):
 
 
 class _RunsRed(ConditionKind):
-    """`ego runs red at j4`: an event of one frame."""
+    """The condition `ego runs red at j4`: an event, which holds at one frame."""
 
     def __init__(self, condition: m.RunsRed, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -317,7 +319,9 @@ class _RunsRed(ConditionKind):
 
 
 class _Yields(ConditionKind):
-    """`ego yields to walker at crossing`, `ego yields to runner at j4`: an event of one frame."""
+    """The conditions `ego yields to walker at crossing` and `ego yields to runner at j4`: an event, which holds at one
+    frame.
+    """
 
     def __init__(self, condition: m.YieldsAtCrossing | m.YieldsAt, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -337,7 +341,7 @@ class _Yields(ConditionKind):
         return self.fact(True) if self._passed() else None
 
     def _passed(self) -> bool:
-        """Return whether the other has passed, at this frame, a place that the actor has not reached yet."""
+        """Return whether, at this frame, the other actor has passed a place that this actor has not reached yet."""
         passed = False
         for area in self._rules.near_areas(YIELDS_WITHIN_M) if self._rules is not None else ():
             if area.rule is not self._rule or self._junction not in ("", area.junction):
@@ -351,7 +355,7 @@ class _Yields(ConditionKind):
 
 
 def _rules_of(name: str, run: Conditions) -> RuleWatch | None:
-    """Return the rules that an actor breaks; None for one without a route."""
+    """Return the traffic rules that an actor has broken; None for an actor without a route."""
     actor = run.simulation.by_id.get(name)
     return None if actor is None or actor.placed.line is None else run.rules(actor)
 
@@ -367,7 +371,7 @@ def _at_junction(condition: m.Shows | m.RunsRed | m.YieldsAtCrossing | m.YieldsA
 
 
 def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
-    """Bind a condition without parts to a run."""
+    """Return a condition without parts, bound to a run."""
     kind: ConditionKind
     match condition:
         case m.Comparison():
@@ -389,7 +393,9 @@ def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
         case m.Shows() | m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
             kind = _at_junction(condition, run)
         case m.Equals():
-            raise TypeError("a condition about a parameter cannot be evaluated in a run")
+            raise TypeError(
+                "a condition about a parameter must be decided before a run, so it cannot be evaluated in it"
+            )
         case m.Sustained() | m.Not() | m.Both() | m.Either():
             raise TypeError(f"{condition.kind} has parts: `condition_history.Watch` evaluates it")
         case _:
@@ -406,8 +412,10 @@ class _Costing(NamedTuple):
 
 
 def truth_of(condition: m.Condition, run: Conditions) -> Truth | None:
-    """Return a function that returns whether a condition holds at the current frame; None for a condition with a `for`,
-    which must be followed from frame to frame."""
+    """Return a function that says whether a condition holds at the current frame.
+
+    None for a condition with a `for`, which must be followed from frame to frame.
+    """
     if any(isinstance(part, m.Sustained) for part in parts(condition)):
         return None
     return _costing(condition, run).truth
@@ -433,7 +441,7 @@ def _opposite(truth: Truth) -> bool | None:
 
 
 def _joined(every_step: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
-    """Join the parts of an `or` (`enough`: True) or an `and` (False): one part that is `enough` decides.
+    """Join the parts of an `or` (`enough`: True) or an `and` (`enough`: False): a part whose truth is `enough` decides.
 
     `every_step`: parts that are evaluated in every step. `rest`: parts that are evaluated until one decides.
     """

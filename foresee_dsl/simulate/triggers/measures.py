@@ -20,9 +20,9 @@ class Cost(IntEnum):
     """Cost of evaluating a condition; the parts of an `and` or `or` are evaluated in this order.
 
     Projecting a SUMO vehicle onto its line is incremental, so a condition that uses it must be evaluated in
-    `EVERY_STEP`, even when another part already decides. Of the others, `NUMBER` reads one number of the state table,
-    `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` computes the
-    whole outcome.
+    `EVERY_STEP`, even when another part already decides. Of the other costs, `NUMBER` reads one number of the state
+    table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` computes
+    the whole outcome.
     """
 
     EVERY_STEP = 0
@@ -33,10 +33,10 @@ class Cost(IntEnum):
 
 
 class Measured:
-    """A measure in one run.
+    """A measure such as `ego.speed`, bound to one run.
 
     Attributes:
-        cost: cost of computing its value.
+        cost: how expensive it is to compute its value.
     """
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
@@ -44,17 +44,19 @@ class Measured:
         self.name, self.other = measure.actor or "", word_of(measure.other or "")
 
     def value(self) -> float:
-        """Return its current value; NaN without one."""
+        """Return the current value of the measure; NaN if it has none."""
         raise NotImplementedError
 
     def until(self, bound: float) -> float:
-        """Return its value, or infinity if the value is certainly above a bound."""
+        """Return the value, or infinity if the value is certainly above this bound, which may be cheaper to
+        find out.
+        """
         del bound
         return self.value()
 
 
 class _Time(Measured):
-    """`time`."""
+    """The measure `time`."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
         super().__init__(measure, run)
@@ -65,7 +67,7 @@ class _Time(Measured):
 
 
 class _State(Measured):
-    """`a.speed`, `a.acceleration`: a number of the state table."""
+    """The measures `a.speed` and `a.acceleration`: numbers of the state table."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
         super().__init__(measure, run)
@@ -77,7 +79,9 @@ class _State(Measured):
 
 
 class _ToJunction(Measured):
-    """`distance(a, j4)`, `a.eta(j4)`: along the route to the point where it enters a junction."""
+    """The measures `distance(a, j4)` and `a.eta(j4)`: along the route to the point where the actor enters a
+    junction.
+    """
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
         super().__init__(measure, run)
@@ -95,7 +99,7 @@ class _ToJunction(Measured):
 
 
 class _BetweenFootprints(Measured):
-    """`distance(a, b)`, `ttc(a, b)`, `headway(a, b)`."""
+    """The measures between footprints: `distance(a, b)`, `ttc(a, b)`, `headway(a, b)`."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
         super().__init__(measure, run)
@@ -123,7 +127,7 @@ class _BetweenFootprints(Measured):
 
 
 class _Offset(Measured):
-    """`a.offset`: lateral distance from its lane's centreline."""
+    """The measure `a.offset`: the lateral distance from the centreline of the actor's lane."""
 
     def value(self) -> float:
         actor = self.run.actor(self.name)
@@ -132,7 +136,9 @@ class _Offset(Measured):
 
 
 class _AlongTheWay(Measured):
-    """`lateral(a, b)`, `overlap(a, b)`, `ttc_along(a, b)`, `relative_speed(a, b)`."""
+    """The measures along an actor's way: `lateral(a, b)`, `overlap(a, b)`, `ttc_along(a, b)`,
+    `relative_speed(a, b)`.
+    """
 
     def value(self) -> float:
         actor, other = self.run.actor(self.name), self.run.actor(self.other)
@@ -148,7 +154,7 @@ class _AlongTheWay(Measured):
 
 
 def measured(measure: m.Measure, run: Conditions) -> Measured:
-    """Bind a measure to a run."""
+    """Return a measure, bound to a run."""
     kind: type[Measured]
     match measure.what:
         case "time":
@@ -172,13 +178,16 @@ def measured(measure: m.Measure, run: Conditions) -> Measured:
 
 
 def _looks_anywhere(actor: SimulatedActor, run: Conditions) -> bool:
-    """Return whether an actor's position on its line does not depend on earlier projections: the ego is projected in
-    every frame, and an actor on a path has its length along it."""
+    """Return whether an actor's position on its line does not depend on earlier projections.
+
+    That is so for the ego, which is projected in every frame, and for an actor on a path, which has its length along
+    it.
+    """
     return actor is run.simulation.ego or isinstance(actor, PathActor)
 
 
 def cost_of(item: m.Condition | m.Measure, run: Conditions) -> Cost:
-    """Return the cost of computing the whole outcome of a condition, or a measure."""
+    """Return the cost of computing a measure, or the whole outcome of a condition."""
     by_id = run.simulation.by_id
     actors = (by_id.get(name) for name in (getattr(item, "actor", None), getattr(item, "other", None)) if name)
     anywhere = all(actor is None or _looks_anywhere(actor, run) for actor in actors)

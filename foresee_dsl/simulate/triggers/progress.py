@@ -18,14 +18,16 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
 
 AROUND_M = 2.0
-"""Margin around a junction within which two routes count as meeting in it, m. Ours: crossings lie at its edge."""
+"""Margin around a junction within which two routes count as meeting in it, m. Ours: crossings lie at the junction's
+edge."""
 
 BESIDE_M = 8.0
-"""Lateral distance from its line within which an actor passes a place, m. Ours: slightly more than two lanes."""
+"""A place is passed by an actor if it is at most this far beside the actor's line, m. Ours: slightly more than two
+lanes."""
 
 
 class Progress:
-    """Lengths along routes and paths; each actor is projected at most once per frame."""
+    """Lengths along the routes and paths of a run's actors; each actor is projected at most once per frame."""
 
     def __init__(self, network: RoadNetwork, actors: Sequence[SimulatedActor]) -> None:
         self._network = network
@@ -88,7 +90,7 @@ class Progress:
                 yield passage, passage.entry_s - front
 
     def set_line(self, actor: SimulatedActor, line: Polyline) -> None:
-        """Measure along another line from now on."""
+        """Measure an actor's progress along another line from now on."""
         self._lines[actor.id] = line
         self._vertices.pop(actor.id, None)
         self._last.pop(actor.id, None)
@@ -103,27 +105,30 @@ class Progress:
         return s if abs(beside) <= BESIDE_M and 0.0 <= s <= line.length_m else math.nan
 
     def ahead_of(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the distance of another actor's centre ahead of an actor's centre, along the line of the latter, m;
-        NaN without a line."""
+        """Return how far another actor's centre is ahead of an actor's centre, along the actor's line, m; NaN without a
+        line.
+        """
         line = self._lines.get(actor.id)
         if line is None:
             return math.nan
         return line.project(other.x, other.y)[0] - line.project(actor.x, actor.y)[0]
 
     def beside(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the distance of another actor's centre to the left of an actor's line, m; NaN without a line."""
+        """Return how far another actor's centre is to the left of an actor's line, m; NaN without a line."""
         line = self._lines.get(actor.id)
         return math.nan if line is None else line.project(other.x, other.y)[1]
 
     def inside(self, actor: SimulatedActor, frame: int) -> float:
-        """Return the distance of an actor's front inside its current junction, m; 0 outside junctions."""
+        """Return how far an actor's front is inside its current junction, m; 0 outside junctions."""
         if not actor.lane.startswith(":"):
             return 0.0
         return max(0.0, next((-room for _, room in self.ahead(actor, frame, 0.0)), 0.0))
 
     def meeting(self, actor: SimulatedActor, other: SimulatedActor, junction: str) -> tuple[float, float] | None:
-        """Return the lengths along both lines of the first point where they meet in a junction, m; None if an actor has
-        no line or a line does not pass the junction."""
+        """Return the lengths along both lines of the first point at which they meet in a junction, m.
+
+        None if an actor has no line, or a line does not pass the junction.
+        """
         a, b = self._lines.get(actor.id), self._lines.get(other.id)
         if a is None or b is None:
             return None
@@ -133,7 +138,7 @@ class Progress:
         if mine.is_empty or theirs.is_empty:
             return None
         shared = shapely.intersection(mine, theirs)
-        if shared.is_empty:  # they run side by side: take the nearest points
+        if shared.is_empty:  # the lines run side by side without crossing: take their nearest points
             near = shapely.get_coordinates(shapely.shortest_line(mine, theirs))
             return a.project(*near[0].tolist())[0], b.project(*near[1].tolist())[0]
         points = shapely.get_coordinates(shared)

@@ -1,7 +1,7 @@
-"""The record of a run's triggers and orders, for clips that begin in the middle of the run.
+"""The record of a run's triggers and orders, which a clip that begins in the middle of the run needs.
 
 Each trigger and each actor has a list of states in order of time. A state is valid from its `time_s` until the next
-one; a state is added at the end of a frame in which it changed.
+one; a state is added at the end of each frame in which it changed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class HoldingTime:
 
 
 Runs = dict[int, HoldingTime]
-"""For each `for` of a condition that holds at present, how long it has held; the key is its index in `parts`."""
+"""For each `for` whose condition holds at present, how long it has held; the key is its index in `parts`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,9 @@ class TriggerState:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """An action that was ordered, with the time of the order and, if it is known in advance, of its end, s."""
+    """An action that was ordered, with the time of the order and, if it is known in advance, the time at which it ends,
+    s.
+    """
 
     action: m.Action
     since_s: float
@@ -118,7 +120,7 @@ class ActorOrders:
     joins: tuple[str, ...] = ()
 
     def at(self, time_s: float) -> ActorOrders:
-        """Return the orders in force at a later time: a change of speed may be complete by then."""
+        """Return the orders in force at a later time, when a change of speed may be complete."""
         until_s = self.speed.until_s if self.speed else None
         if until_s is None or until_s > time_s + _ROUNDING_S:
             return self
@@ -160,7 +162,7 @@ class DirectorRecord:
         triggers: states by trigger, in the scenario's order.
         orders: states by actor, for actors with orders.
         places: x and y (m) of the places on routes in the triggers' conditions and actions, by their text.
-        things: changes of speed limits and of doors, in order of time.
+        things: changes of speed limits and of doors (states of things, not of actors), in order of time.
     """
 
     triggers: tuple[tuple[TriggerState, ...], ...] = ()
@@ -215,7 +217,7 @@ _State = TypeVar("_State", bound=_Timed)
 
 
 def add(states: list[_State], state: _State) -> None:
-    """Append a state; it replaces a state of the same frame."""
+    """Append a state; if the last state is of the same frame, replace it."""
     if states and states[-1].time_s >= state.time_s:
         states.pop()
     states.append(state)

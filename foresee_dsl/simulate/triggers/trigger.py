@@ -17,7 +17,7 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.record import BlockState, HoldingTime, Place, TriggerState, add
 
 IsComplete = Callable[[], bool]
-"""Returns whether an action is complete."""
+"""Function that returns whether an action is complete."""
 
 
 class Performer(Protocol):
@@ -28,12 +28,12 @@ class Performer(Protocol):
         ...
 
     def act(self, action: Action) -> IsComplete:
-        """Begin an action; return the test whether it is complete."""
+        """Begin an action; return a function that says whether it is complete."""
         ...
 
 
 class Trigger:
-    """A `when`.
+    """A `when` of the scenario in a run.
 
     When an `every` fires while its sequence is still running, the sequence starts again: orders of the old sequence
     continue until another order replaces them, but its remaining steps are dropped. While the condition has no outcome,
@@ -43,10 +43,11 @@ class Trigger:
     def __init__(self, index: int, when: When, conditions: Conditions, director: Performer) -> None:
         self._index, self._when, self._conditions, self._director = index, when, conditions, director
         self.states: list[TriggerState] = []
-        """The recorded states of the trigger."""
+        """The recorded states of the trigger, in order of time."""
         self._changed = True
         self._watch: Watch | None = self.watch(when.condition, ())
-        self._held = when.repeat == "next"  # it fires when its condition holds and did not hold before
+        # A trigger fires when its condition holds and did not hold at the frame before.
+        self._held = when.repeat == "next"
         self._fired_s: float | None = None
         self._follows = any(isinstance(action, Then) for action in when.actions)
         self._sequence: Sequence | None = None
@@ -72,7 +73,7 @@ class Trigger:
             self._sequence = sequence if self._follows else None
 
     def advance(self) -> None:
-        """Begin and complete the actions of the sequence that can begin or be complete at this frame."""
+        """Begin the actions of the sequence that can begin at this frame, and note those that are complete."""
         if self._sequence is not None:
             self._sequence.advance()
             if self._sequence.complete:
@@ -94,7 +95,7 @@ class Trigger:
         return round(self._conditions.time_s, 6)
 
     def begin(self, action: Action) -> IsComplete:
-        """Begin an action; return the test whether it is complete."""
+        """Begin an action; return a function that says whether it is complete."""
         return self._director.act(action)
 
     def watch(self, condition: Condition, place: Place) -> Watch:
@@ -107,7 +108,7 @@ class Trigger:
         return Watch(condition, self._conditions, note)
 
     def note(self, what: str, place: Place) -> None:
-        """Record a step as an event."""
+        """Record a step of the trigger as an event."""
         self._event(what, where=list(place))
 
     def _event(self, what: str, **detail: Any) -> None:  # noqa: ANN401  JSON values
@@ -144,7 +145,7 @@ class Sequence:
         return BlockState(self._began_s, frozenset(self._complete), waits, inner)
 
     def advance(self) -> None:
-        """Begin and complete the actions that can begin or be complete at this frame."""
+        """Begin the actions that can begin at this frame, and note those that are complete."""
         for k, action in enumerate(self._actions):
             if k in self._complete:
                 continue

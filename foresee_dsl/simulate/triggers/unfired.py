@@ -1,4 +1,5 @@
-"""Finds the triggers and steps of a run that never came, and how near they came, afterwards from the trace.
+"""Finds the triggers and steps of a run that never began, and how near they came to it; computed from the trace after
+the run.
 
 A condition of several parts joined with `and` is explained part by part: each part that never held, at the moment when
 it was nearest; if every part held at some time, the moment at which most of them did.
@@ -43,13 +44,13 @@ from foresee_dsl.simulate.world import World
 def unfired(
     scenario: m.Scenario, compiled: Callable[[], SumoBundle], trace: Trace, sensors: SensorSettings = STANDARD
 ) -> tuple[Unfired, ...]:
-    """Return the triggers and steps of a run that waited and never came, in the file's order.
+    """Return the triggers and steps of a run that waited but never began, in the file's order.
 
-    Triggers that no frame could have fired, such as one that keeps an actor waiting in a clip, are left out; so are the
-    steps of a trigger that never fired.
+    Triggers that could not fire at any frame, such as one that keeps an actor waiting in a clip, are left out; so are
+    the steps of a trigger that never fired.
 
     Args:
-        scenario: the concrete scenario of the run. compiled: compiles it; called only if a trigger or step never came.
+        scenario: the concrete scenario of the run. compiled: compiles it; called only if a trigger or step never began.
         trace: the run. sensors: settings of the ego's sensors in it.
     """
     waiting = tuple(_waiting(scenario, trace))
@@ -71,7 +72,7 @@ def unfired(
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A trigger or step that never came: its condition, and the time from which it was evaluated."""
+    """A trigger or step that never began: its condition, and the time from which the condition was evaluated."""
 
     index: int
     name: str
@@ -109,7 +110,7 @@ def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
 
 
 class _Followed:
-    """Follows a condition that never held over the frames of its run."""
+    """Evaluates a condition that never held, at each frame of its run."""
 
     def __init__(self, waiting: _Waiting, conditions: Conditions) -> None:
         self._waiting, self._conditions = waiting, conditions
@@ -138,7 +139,7 @@ class _Followed:
 
 @dataclass
 class _Part:
-    """One part of a condition: whether it ever held, and how near it came to holding."""
+    """One part of a condition: whether it held at any frame, and how near it came to holding."""
 
     condition: m.Condition
     conditions: Conditions
@@ -191,7 +192,7 @@ class _Part:
         return Nearest(text, time_s, rounded, round(abs(outcome.margin) / per, 6), unit)
 
     def _away(self) -> tuple[float, str] | None:
-        """Return the distance of a fact from holding, m, and the reason; None without a distance."""
+        """Return how far a fact is from holding, m, and why; None if the fact has no such distance."""
         return None if self.kind is None else self.kind.away()
 
     def _by_distance(self, away_m: float, why: str) -> Nearest:
@@ -227,7 +228,7 @@ class _Part:
 
 
 class _RecordedSignals:
-    """The recorded stages and colours of the signals at a replay's current frame."""
+    """The recorded stages and colours of the signals at the current frame of a replay."""
 
     def __init__(self, bundle: SumoBundle, trace: Trace) -> None:
         self._trace, self.frame = trace, 0
@@ -248,14 +249,14 @@ class _RecordedSignals:
 
 
 class _NoWorld:
-    """The part of SUMO's world that a replay has: its signals."""
+    """Stands in for SUMO's world in a replay, which needs only the signals of it."""
 
     def __init__(self, signals: _RecordedSignals) -> None:
         self.signals = signals
 
 
 class ConditionReplay(Simulation):
-    """The actors of a trace at the frame of the last `go_to`; it cannot be stepped."""
+    """A recorded run as a simulation: its actors at the frame of the last `go_to`. It cannot be stepped."""
 
     def __init__(self, bundle: SumoBundle, trace: Trace) -> None:
         """Begin at the first frame; `bundle`: the compiled test case of the run."""

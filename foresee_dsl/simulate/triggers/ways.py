@@ -31,7 +31,7 @@ IN_LANE_OF_M = 300.0
 
 
 class Ways:
-    """The ways of a simulation's actors at the current frame."""
+    """The ways of a simulation's actors at the current frame; each is computed when it is first needed."""
 
     def __init__(self, simulation: Simulation) -> None:
         """Begin without ways; each is computed when a condition or action first needs it."""
@@ -60,13 +60,18 @@ class Ways:
         return self.of(actor).place(place, wheels=actor.placed.model.kind in WHEELS)
 
     def overlap_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the length of an actor's way along which both footprints are side by side, m; negative: the gap."""
+        """Return the length along an actor's way over which both footprints are side by side, m; if negative, the gap
+        between them.
+        """
         (rear, front), (other_rear, other_front) = self._span(actor, actor), self._span(actor, other)
         return min(front, other_front) - max(rear, other_rear)
 
     def side_by_side_s(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the time (s) until both footprints are side by side along an actor's way if both keep their speeds
-        along it: 0 if they are now, infinite if the gap does not close."""
+        """Return the time (s) until both footprints are side by side along an actor's way, if both keep their speeds
+        along it.
+
+        It is 0 if they are side by side now, and infinite if the gap does not close.
+        """
         (rear, front), (other_rear, other_front) = self._span(actor, actor), self._span(actor, other)
         gap_m = max(other_rear - front, rear - other_front)
         if gap_m <= 0:
@@ -77,12 +82,15 @@ class Ways:
         return gap_m / closing_mps if closing_mps > STILL_MPS else math.inf
 
     def ahead_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the distance from the front of the other to the rear of the actor along the other's way, m; negative
-        if that rear is not beyond the front."""
+        """Return how far the rear of the actor is ahead of the front of the other, along the other's way, m; negative
+        if it is not.
+        """
         return self._span(other, actor)[0] - self._span(other, other)[1]
 
     def behind_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the distance from the front of the actor to the rear of the other along the other's way, m."""
+        """Return how far the rear of the other is ahead of the front of the actor, along the other's way, m; negative
+        if it is not.
+        """
         return self._span(other, other)[0] - self._span(other, actor)[1]
 
     def lateral_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
@@ -92,11 +100,11 @@ class Ways:
         return max(abs(other_left - left) - half - other_half, 0.0)
 
     def lane(self, actor: SimulatedActor) -> tuple[Lane, float] | None:
-        """Return the lane that an actor's centre is in, and its distance to the left of the lane's centreline, m; None
+        """Return the lane that an actor's centre is in, and the distance to the left of that lane's centreline, m; None
         off the lanes.
 
-        Of overlapping lanes a vehicle is in the one with its own direction; where there is no such lane, it may be in
-        one with the opposite direction.
+        Where lanes overlap, a vehicle is in the lane with its own direction; where there is none, it may be in one with
+        the opposite direction.
         """
         kind = lane_kind(actor.placed.model) if actor.placed.model.kind in WHEELS else "car"
         headings = (actor.heading, None) if actor.placed.model.kind in WHEELS else (None,)
@@ -107,8 +115,10 @@ class Ways:
         return None
 
     def in_lane_m(self, actor: SimulatedActor, number: int, road: str | None) -> float:
-        """Return the distance of an actor's centre inside a lane's borders, m (negative: outside); NaN if it is off the
-        lanes, or if its edge (or `road`) has no lane with this number."""
+        """Return how far an actor's centre is inside the borders of a lane, m; negative outside.
+
+        NaN if the actor is off the lanes, or if its edge (or `road`) has no lane with this number.
+        """
         if road is None:
             current = self.lane(actor)
             if current is None:
@@ -124,8 +134,12 @@ class Ways:
         return max(inside_m, default=math.nan)
 
     def same_lane_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the distance of an actor's centre inside the lane of the other, or inside a lane that continues it, m
-        (negative: outside), or of the other inside the actor's lane; NaN if the other is off the lanes."""
+        """Return how far an actor's centre is inside the lane of another actor, or a lane that continues it, m;
+        negative outside.
+
+        The other way round counts as well: the other's centre inside the lane of the actor. NaN if the other is off the
+        lanes.
+        """
         theirs, mine = self.lane(other), self.lane(actor)
         if theirs is None:
             return math.nan
@@ -149,7 +163,9 @@ class Ways:
         return Standing(*body, line, *line.project(actor.x, actor.y))
 
     def _route_left(self, actor: SimulatedActor) -> tuple[str, ...]:
-        """Return the rest of an actor's route, from its current edge (inside a junction: the edge before it) on."""
+        """Return the rest of an actor's route, from its current edge on; inside a junction, from the edge
+        before it on.
+        """
         line, route = actor.placed.line, actor.placed.route
         if line is None or not route:
             return ()
@@ -162,12 +178,14 @@ class Ways:
     def _make_line(self, route: tuple[str, ...], kind: LaneKind) -> RouteLine:
         try:
             return self._network.line(route, behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
-        except RouteError:  # no lane of the first edge leads on for this kind: a cyclist
+        except RouteError:  # on the first edge no lane for this kind of actor leads on, such as for a cyclist
             return self._network.line(route[:1], behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
 
     def _beside(self, whose: SimulatedActor, other: SimulatedActor) -> tuple[float, float, float, float]:
-        """Return the position of another actor on an actor's way: the length along it, the distance to its left, and
-        half the extent of its footprint along and across the way, m."""
+        """Return where another actor is on an actor's way: length along it and distance to its left, m.
+
+        The other two numbers are half the extent of its footprint along and across the way, m.
+        """
         way = self.of(whose)
         if whose is other:
             return way.s, way.left_m, whose.length / 2, whose.width / 2
@@ -183,7 +201,7 @@ class Ways:
         return s, left, half * cos + across * sin, half * sin + across * cos
 
     def _speed_along(self, whose: SimulatedActor, other: SimulatedActor) -> float:
-        """Return the speed of another actor along an actor's way, m/s; negative against it."""
+        """Return the speed of another actor along an actor's way, m/s; negative if it moves against the way."""
         way = self.of(whose)
         heading = way.heading_rad if way.line is None else way.line.at(self._beside(whose, other)[0])[2]
         return other.speed * math.cos(other.heading - heading)
@@ -221,7 +239,7 @@ def _edges_along(line: RouteLine) -> tuple[tuple[float, int], ...]:
     before = ""
     for s, lane in line.pieces:
         edge = "" if lane.startswith(":") else lane.rpartition("_")[0]
-        if edge and edge != before:  # a change of lane begins another piece of the same edge
+        if edge and edge != before:  # after a change of lane the line continues on another piece of the same edge
             edges.append((s, len(edges)))
         before = edge
     return tuple(edges)

@@ -1,1 +1,1 @@
-"""Formats of other tools: CARLA's routes, OpenDRIVE, OSM and SUMO maps, OpenSCENARIO."""
+"""Formats of other tools, for import and export: CARLA's routes, OpenDRIVE, OSM and SUMO maps, OpenSCENARIO."""

@@ -1,6 +1,6 @@
-"""The bundled formats, as entry points name them: the options and the function of each.
+"""The bundled formats, as entry points name them: the options and the function of each format.
 
-This module is imported for every help, so heavy imports happen inside the functions.
+This module is imported for every help text, so heavy imports are inside the functions.
 """
 
 from __future__ import annotations

@@ -16,15 +16,15 @@ from foresee_dsl.language.model import Quantity
 from foresee_dsl.language.units import Dimension
 
 _LONGEST = 40
-"""Ours: half of the language's limit, so that campaigns can append to it."""
+"""Maximum length of a name, characters. Ours: half of the language's limit, so that campaigns can append to it."""
 _LONGEST_FILE_NAME = 120
-"""Ours: most file systems allow 255 bytes, and a letter may take four."""
+"""Maximum length of a file name, characters. Ours: most file systems allow 255 bytes, and a letter may take four."""
 _LONGEST_SENTENCE = 300
-"""Ours: a text that is read at a glance."""
+"""Maximum length of a sentence, characters. Ours: a text that can be read at a glance."""
 DIGITS = 4
 """Decimals of metres, m/s and degrees, as in clips: they rebuild a run exactly."""
 _LARGEST = 1e7
-"""In SI units: map projections reach 1e7 m (ours)."""
+"""Largest value that is accepted, in SI units. Ours: map projections reach 1e7 m."""
 
 
 def name_of(text: str, otherwise: str) -> str:
@@ -64,7 +64,7 @@ def quantity(value_si: float, dimension: Dimension) -> Quantity:
         raise ExchangeError(f"{value_si:g} is not a plausible {dimension}")
     exact = Quantity.of(value_si, dimension, DIGITS)
     plain = exact.value.normalize()
-    if plain.as_tuple().exponent not in range(-DIGITS, 1):  # 1E+2
+    if plain.as_tuple().exponent not in range(-DIGITS, 1):  # numbers such as 1E+2 must be written out
         plain = plain.quantize(Decimal(1))
     return Quantity(value=plain, unit=exact.unit)
 

@@ -77,7 +77,7 @@ def test_what_is_left_out_is_counted(tmp_path: Path) -> None:
         (BOMB, "declares entities"),
         (routes_text(ROUTE.format(id="1", points=two_points()))[:-20], "not a CARLA route file"),
         ("<net/>", "its root is <net>"),
-        (routes_text(), "holds no routes"),
+        (routes_text(), "contains no routes"),
         (routes_text(ROUTE.format(id="1", points=POINT.format(x=1, y=2, yaw=3))), "has 1 waypoints"),
         (routes_text(ROUTE.format(id="1", points=POINT.format(x="a", y=2, yaw=3) * 2)), "is not a number"),
         (routes_text(ROUTE.format(id="1", points=POINT.format(x="inf", y=2, yaw=3) * 2)), "not finite"),

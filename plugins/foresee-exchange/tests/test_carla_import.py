@@ -177,7 +177,7 @@ def of_no_kind(folder: Path, net: Path, network: RoadNetwork) -> tuple[Path, lis
     ("make", "words"),
     [
         (other_town, "route 10 is in Town05, but the map Town77.net.xml is Town77"),
-        (far_away, "1 of 1 routes are not on this map; is it another town's"),
+        (far_away, "1 of 1 routes are not on this map, which may be that of another town"),
         (cut_map, "not an OpenDRIVE map"),
         (no_cars, "no lanes for cars"),
         (of_no_kind, r"must end in \.xodr or \.net\.xml"),
@@ -198,7 +198,7 @@ def test_an_unknown_family_is_driven_through_traffic_and_said(town: tuple[Path, 
     ends = carla_place(network, "south", 30), carla_place(network, "north_back", 60)
     routes = [write_routes(tmp_path / "Town77_Scenario10.xml", ends)]
     done = carla_import.run(net, routes, out=tmp_path / "out")
-    assert done.left_out == {"behaviour of Scenario10, which is unknown to us": 1}
+    assert done.left_out == {"behaviour of Scenario10, which this tool does not know": 1}
     assert [file.name for file in done.files] == ["Town77.net.xml", "scenario10.foresee"]
     assert placement_mistakes(load_test_cases([tmp_path / "out"])) == ()
 

@@ -138,11 +138,11 @@ def test_a_part_of_an_opendrive_map_becomes_a_net(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--in-boundary", "1,2,3"], "1,2,3 is not 4 numbers"),
+        (["--in-boundary", "1,2,3"], "1,2,3 does not have 4 numbers"),
         (["--in-boundary", "5,0,1,1"], "the box 5,0,1,1 is empty"),
         (["--in-geo-boundary", "11,98,12,99"], "latitude that is not within -90 and 90"),
         (["--around", "300"], "300 is not a place with a radius in m"),
-        (["--around", "1,2,3", "--in-boundary", "0,0,1,1"], "exclude each other"),
+        (["--around", "1,2,3", "--in-boundary", "0,0,1,1"], "only one of --around"),
     ],
 )
 def test_a_wrong_box_is_wrong_usage(tmp_path: Path, options: list[str], words: str) -> None:

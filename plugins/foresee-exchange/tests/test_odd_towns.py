@@ -104,7 +104,7 @@ def test_a_motorway_without_sidewalks_and_signals(motorway: Path, tmp_path: Path
         files.append(write_routes(tmp_path / f"Town06_Scenario{family}.xml", *ends, town="Town06"))
     done = carla_import.run(motorway, files, out=tmp_path / "out")
     assert done.cases == 10
-    assert done.left_out["routes on which there is no place for their family's behaviour"] == 6  # 7, 8, 9: no junction
+    assert done.left_out["routes that have no place for their family's behaviour"] == 6  # 7, 8, 9: no junction
     assert done.left_out["lanes of type bidirectional (one direction, 5 km/h)"] == 2
     assert done.left_out["lanes of type shoulder"] == 2
     assert "lanes of type entry" not in done.left_out
@@ -194,7 +194,7 @@ def test_the_family_of_a_route_without_one_is_that_of_the_first_trigger_on_it(mo
     far = write_triggers(tmp_path / "b.json", "4", SECOND.at(200, -1.75), FIRST.at(100, 30), town="Town06")
     done = carla_import.run(motorway, [routes], [near, far], out=tmp_path / "out")
     assert done.taken == {"routes of family 3": 1}
-    assert done.left_out["triggers that no case uses (each stages one)"] == 2
+    assert done.left_out["triggers that no case uses (a case uses one)"] == 2
 
 
 def test_triggers_of_other_kinds_and_towns_are_counted(motorway: Path, tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_triggers_of_other_kinds_and_towns_are_counted(motorway: Path, tmp_path:
     routes = write_routes(tmp_path / "Town06_Scenario3.xml", ends, town="Town06")
     done = carla_import.run(motorway, [routes], [file], out=tmp_path / "out")
     assert done.left_out["triggers in Town05"] == 1
-    assert done.left_out["triggers that no case uses (each stages one)"] == 1  # the one of the unknown kind
+    assert done.left_out["triggers that no case uses (a case uses one)"] == 1  # the one of the unknown kind
 
 
 @pytest.mark.parametrize(

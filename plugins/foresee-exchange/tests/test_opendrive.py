@@ -70,7 +70,7 @@ def test_bad_maps_are_refused_and_nothing_written(tmp_path: Path, name: str, cha
 def test_a_real_town(carla: Path, tmp_path: Path) -> None:
     done = opendrive.run(carla / "maps" / "xodr" / "Town10HD.xodr", out=tmp_path / "out")
     assert done.taken["junctions with a signal"] == 5
-    assert any("program of ours" in note for note in done.notes)
+    assert any("program of this tool" in note for note in done.notes)
     assert placement_mistakes(load_test_cases([tmp_path / "out"])) == ()
 
 

@@ -191,7 +191,7 @@ def test_parameters_are_found_wherever_they_are_written(tmp_path: Path) -> None:
     ).replace('parameterRef="topSpeed"', 'parameterRef="$topSpeed"').replace('"Cars"', '"cars"')  # fmt: skip
     done, scenario = imported(tmp_path, text)
     assert not done.lost
-    assert done.left_out == {"events whose conditions hold at no time": 1}
+    assert done.left_out == {"events whose conditions never hold": 1}
     assert whens(scenario) == [
         "when time > 2 s { target_1 changes speed to 6 m/s over 0.05 s "
         "then { target_1 changes speed to 3 m/s over 0.05 s } }"
@@ -497,7 +497,7 @@ def test_a_second_way_of_one_actor_is_lost(tmp_path: Path) -> None:
     done, _ = imported(
         tmp_path, events(*(osc.event(f"e{s}", way.format(s=s), on_time(s / 100)) for s in (300, 400))), partial=True
     )
-    assert done.lost == {"actions: AcquirePositionAction (a second way of one actor)": 1}
+    assert done.lost == {"actions: AcquirePositionAction (a second way of the same actor)": 1}
 
 
 def test_a_folder_of_maps_gives_the_map_before_a_net_that_was_made_of_it(tmp_path: Path) -> None:

@@ -333,8 +333,8 @@ def test_an_actor_that_a_player_moves_in_another_way_is_said(tmp_path: Path) -> 
     """Who is held up here drives on at 12 m/s there: 96 m in 8 s; who holds it up does what is written."""
     (tmp_path / "held_up.foresee").write_text(_HELD_UP)
     done = openscenario_export.run(str(tmp_path / "held_up.foresee"), out=tmp_path, driver="idm", behaviour=True)
-    (note,) = [note for note in done.notes if " is off this run " in note]
-    assert note.startswith("fast is off this run in a player that keeps to what is written, by about ")
+    (note,) = [note for note in done.notes if " deviates from this run " in note]
+    assert note.startswith("in a player that follows the file exactly, fast deviates from this run by ")
     after_8_s = float(note.partition(" m after 8 s")[0].rpartition(" ")[2])
     trace = run_test_case(load_test_case(tmp_path / "held_up.foresee"), "idm", 0).trace
     ran = trace.states[trace.frame_at(8.0), trace.index("fast"), X] - trace.states[0, trace.index("fast"), X]
@@ -345,8 +345,8 @@ def test_an_actor_whose_lane_forks_is_said(tmp_path: Path) -> None:
     """A waypoint names a road: esmini goes on straight in a lane where others_02 goes on in the lane beside it."""
     file = Path(__file__).parents[3] / "scenarios/scenario3/between_parked_cars.foresee"
     done = openscenario_export.run(f"{file}::child_after_ball", out=tmp_path, driver="idm", behaviour=True)
-    assert "others_02 has two lanes to go on in at park_ash: which of them, the player decides" in done.notes
-    assert sum(" has two lanes to go on in " in note for note in done.notes) < done.taken["of class car"] / 2
+    assert "others_02 can continue on two lanes at park_ash, and the player decides on which of them" in done.notes
+    assert sum(" can continue on two lanes " in note for note in done.notes) < done.taken["of class car"] / 2
 
 
 def test_an_imported_map_is_given_back_as_it_is(tmp_path: Path) -> None:
@@ -379,7 +379,7 @@ def test_a_file_cannot_name_a_program_to_run(scenario: Path, tmp_path: Path, mon
     mutant = Mutant(name="m", parent="c.foresee", pin="sha256:000000000000", body=(origin,))
     recorded = replace(load_test_case(scenario), mutant=mutant)
     monkeypatch.setattr(openscenario_export, "load_test_case", lambda *_, **__: recorded)
-    with pytest.raises(ExchangeError, match="name it with --driver"):
+    with pytest.raises(ExchangeError, match="or another driver, with --driver"):
         openscenario_export.run("m.foresee", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -1,8 +1,8 @@
 """The bundled driver `frenetix`: a modular stack, as in industry, around the sampling planner of a third party.
 
 It consists of perception (tracks), prediction, a behaviour layer with named states, the planner of the package
-`frenetix` (LGPL-3.0, an extra of its own, used as installed), and PID tracking. Between steps it keeps its tracks, the
-plan, the integral of its speed controller and the colours of signals.
+`frenetix` (licence LGPL-3.0, installed by a separate extra and used unchanged), and PID tracking. Between steps it
+keeps its tracks, the plan, the integral of its speed controller and the colours of signals.
 """
 
 from __future__ import annotations
@@ -55,5 +55,7 @@ class FrenetixDriver(BundledDriver["Stack"]):
 
     @property
     def stack(self) -> Stack:
-        """The driver's state: the behaviour's state, the plan, and the number of steps without a feasible plan."""
+        """Return the driver's state: the behaviour's state, the plan, and the number of steps without a
+        feasible plan.
+        """
         return self.state

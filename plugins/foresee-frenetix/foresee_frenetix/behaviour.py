@@ -22,21 +22,22 @@ from foresee_frenetix import settings as cfg
 from foresee_frenetix.plan import TIMES_S
 
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])
-"""Number of frames of a prediction per frame of a plan."""
+"""Number of frames of a prediction for each frame of a plan."""
 AT_LINE_M = 2.0
-"""Distance to a stop line within which a stop is for the signal (or the queue beyond it), m; any other stop gives way.
-Ours."""
+"""A stop within this distance of a stop line is for the signal (or for the queue beyond it), m; any other stop gives
+way. Ours."""
 FOLLOWS_S = 6.0
-"""Time to reach a vehicle at the current speed above which it is not followed yet, s. Ours."""
+"""A vehicle that the ego would reach only after more than this time, at its current speed, is not followed yet, s.
+Ours."""
 WALKER_AIR_M = 1.5
-"""Distance before a pedestrian at which it stops, m. Ours: half more than before a conflict with a car."""
+"""Distance before a pedestrian at which the ego stops, m. Ours: half more than before a conflict with a car."""
 WALKER_BRAKING_MPS2 = 1.0
-"""Braking from which it gives way to a pedestrian, m/s^2. Ours: before that, it is mostly sensor noise that makes
-pedestrians on the pavement seem to head for the road."""
+"""Braking from which the ego gives way to a pedestrian, m/s^2. Ours: if less is needed, it is mostly sensor noise that
+makes pedestrians on the pavement seem to head for the road."""
 WALKER_TIMES = 3
 WALKER_URGENT_MPS2 = 3.0
-"""Number of consecutive plans (0.3 s) that must require the stop, or the braking (m/s^2) with which one is enough.
-Ours: one plan in four required a stop for a pedestrian who only walked along the pavement."""
+"""A stop for a pedestrian needs this many consecutive plans (0.3 s) that require it, or a required braking of at least
+this, m/s^2. Ours: one plan in four required a stop for a pedestrian that only walked along the pavement."""
 BESIDE_M = 0.3
 """Distance to the ego's side within which an actor that is not aligned with the road is in its corridor, m. Ours."""
 
@@ -67,13 +68,15 @@ class Behaviour:
 
 
 class Patience:
-    """Gives way to pedestrians who certainly want to cross: with noisy headings others only seem to."""
+    """Decides when to give way to a pedestrian: only to one that certainly wants to cross, because with noisy headings
+    others only seem to.
+    """
 
     def __init__(self, times: int = 0) -> None:
         self.times = times
 
     def walker(self, situation: RoadSituation) -> float | None:
-        """Return where to stop for a pedestrian, m along the route; None: no stop. Call it once per plan."""
+        """Return the place to stop for a pedestrian, m along the route; None: no stop. To be called once per plan."""
         gap = walkers(situation, read_others(situation))
         if gap is None:
             self.times = 0
@@ -116,7 +119,7 @@ def decide(
 def _is_ahead(situation: RoadSituation) -> BoolArray:
     """Return which actors may be leaders, [A]: vehicles that drive along the route, or are already in the corridor.
 
-    Crossing actors are not leaders: each candidate is checked against their predictions.
+    Crossing actors are not leaders; instead, each candidate trajectory is checked against their predictions.
     """
     actors = situation.actors
     road = situation.route.points[actors["point"]]

@@ -1,4 +1,6 @@
-"""Computes the candidates' costs, checks them for collisions, and chooses the cheapest free one."""
+"""Computes the costs of candidate trajectories, checks them for collisions, and chooses the cheapest one without a
+collision.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,12 @@ from foresee_frenetix.planner import Candidates
 LEAVES_M = 0.05
 """Distance by which a candidate may leave the lanes, m. Ours: rounding and smoothing of the lanes' edges."""
 PASSES_M = 0.3
-"""Distance by which a sample may pass its stop, m. Ours: stops are half a metre before the line."""
+"""Distance by which a sample may pass its stop, m. Ours: stops are planned half a metre before the line."""
 
 
 def at_frames(situation: RoadSituation, prediction: Records) -> Records:
-    """Return a prediction at the frames of a plan; moving actors grow longer with time, as their speed may change.
+    """Return a prediction at the frames of a plan, in which moving actors grow longer with time, because their speed
+    may change.
 
     Otherwise the cheapest plan would pass just behind (or in front of) a crossing actor, and collide in the next step.
     """
@@ -38,15 +41,16 @@ def choose(
     situation: RoadSituation, behaviour: Behaviour, prediction: Records, candidates: Candidates, last: Plan | None
 ) -> int | None:
     """Return the index of the cheapest candidate that keeps to the lanes, the stop place and its distance to all
-    others; None if no candidate is free.
+    others.
 
-    `prediction`: at the frames of a plan. `last`: the plan that is driven now.
+    None if no candidate does. `prediction`: at the frames of a plan. `last`: the plan that is driven now.
     """
     cost = _cost(situation, behaviour, candidates, last)
     order = np.flatnonzero(np.isfinite(cost))
     order = order[np.argsort(cost[order], kind="stable")]
     best, best_cost = None, np.inf
-    # Nearness to others only adds to a cost: if a batch's cheapest costs more than the best so far, the search is over.
+    # Nearness to others only adds to a cost, so the search ends if the cheapest of a batch costs more than the best so
+    # far.
     for first in range(0, len(order), cfg.BATCH):
         batch = order[first : first + cfg.BATCH]
         if cost[batch[0]] >= best_cost:
@@ -62,7 +66,9 @@ def choose(
 
 
 def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
-    """Append plans that were not created by the library; their cost is that of their offset."""
+    """Return the candidates with further plans that the library did not create; the cost of such a plan is that of its
+    offset.
+    """
     if not plans:
         return candidates
     rows = {name: np.vstack([getattr(motion, name) for motion in (candidates, *plans)]) for name in MOTION}
@@ -85,7 +91,8 @@ def _cost(situation: RoadSituation, behaviour: Behaviour, candidates: Candidates
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
     speed = candidates.speed
     most = route.between("profile", candidates.s)
-    # Speed counts, not its difference to the allowed speed: else driving slowly where that is low would be cheapest.
+    # Speed itself counts, not its difference from the allowed speed; otherwise driving slowly where that is low would
+    # be cheapest.
     cost = candidates.cost - cfg.SLOW_WEIGHT * speed.mean(axis=1)
     if last is not None:
         cost += cfg.CHANGE_WEIGHT * np.abs(candidates.offset - last.offset)
@@ -101,7 +108,7 @@ def _cost(situation: RoadSituation, behaviour: Behaviour, candidates: Candidates
     if behaviour.stop_s is not None:
         room = behaviour.stop_s - front
         if situation.ego.forward < cfg.CREEP_MPS and behaviour.stop_s - situation.ego.front_s < cfg.HOLD_M:
-            most = np.zeros_like(most)  # near enough: stop here instead of creeping closer
+            most = np.zeros_like(most)  # the stop is near enough, so stop here instead of creeping closer
         most = np.minimum(most, np.sqrt(braking * np.maximum(room, 0.0)))
         allowed &= (room > -PASSES_M).all(axis=1) | (speed[:, 0] < cfg.CREEP_MPS)
     cost += cfg.FAST_WEIGHT * (np.maximum(speed - most, 0.0) ** 2).mean(axis=1)

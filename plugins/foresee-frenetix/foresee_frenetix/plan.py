@@ -1,4 +1,4 @@
-"""A plan: the driven trajectory over time; and plans without the library, which stop the car along a path."""
+"""Plans: the trajectory over time that is driven; and plans without the library, which stop the car along a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foresee_dsl.drivers.protocol import FloatArray
 from foresee_frenetix import settings as cfg
 
 TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.PLAN_STEP_S) + 1) * cfg.PLAN_STEP_S
-"""[T] times of the frames of every plan, s."""
+"""Times of the frames of every plan, [T] s."""
 
 
 class Frenet(NamedTuple):
@@ -64,7 +64,7 @@ class Plan(Motion):
 
     Attributes:
         acceleration: m/s^2. s_dot, s_ddot, d_dot, d_ddot: derivatives over time, with which the next plan begins.
-        offset: its final offset from the middle of the lane, m. until_s: time at which it reaches it, s.
+        offset: its final offset from the middle of the lane, m. until_s: time at which it reaches that offset, s.
         emergency: whether it is an emergency stop without the library.
     """
 
@@ -89,7 +89,7 @@ class Plan(Motion):
         return Pose(*(_mix(getattr(self, name), k, w) for name in Pose._fields))
 
     def from_now(self, time_s: float) -> Plan:
-        """Return the rest of the plan from a time on; its last frame is held until the horizon."""
+        """Return the rest of the plan from a time on, with its last frame repeated up to the horizon."""
         at = np.minimum(TIMES_S + time_s - self.begins_s, TIMES_S[-1])
         left = {name: np.interp(at, TIMES_S, row) for name, row in vars(self).items() if isinstance(row, np.ndarray)}
         return replace(self, begins_s=time_s, **left)
@@ -103,8 +103,10 @@ class Plan(Motion):
 def braking_plan(
     route: DriverRoute, begins_s: float, start: Frenet, braking_mps2: float, last: Plan | None, *, emergency: bool
 ) -> Plan:
-    """Return a plan that stops with constant braking, along the last plan's path or, without one, turning parallel to
-    the lane."""
+    """Return a plan that stops with constant braking.
+
+    It follows the path of the last plan or, without one, turns parallel to the lane.
+    """
     until = start.s_dot / braking_mps2
     t = np.minimum(TIMES_S, until)
     s_dot = start.s_dot - braking_mps2 * t
@@ -116,7 +118,7 @@ def braking_plan(
         tilt = slope * np.exp(-travelled / cfg.FADE_M)
         bend = -tilt / cfg.FADE_M
     else:
-        # It keeps the car's current lateral distance from the last plan.
+        # The plan keeps the car's current lateral distance from the last plan.
         d = np.interp(s, last.s, last.d) + start.d - float(np.interp(start.s, last.s, last.d))
         tilt = np.interp(s, last.s, last.d_dot / np.maximum(last.s_dot, 0.1))
         bend = np.interp(s, last.s, last.curvature) - route.between("curvature", s)

@@ -1,4 +1,4 @@
-"""Samples trajectories with the library: from end states for the behaviour to feasible trajectories."""
+"""Samples trajectories with the library frenetix, from the end states that fit a behaviour to feasible trajectories."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ from foresee_frenetix import settings as cfg
 from foresee_frenetix.behaviour import Behaviour
 from foresee_frenetix.plan import MOTION, TIMES_S, Frenet, Motion, Plan, angle_between, place
 
-logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
+# Otherwise the library reports each sample that it rejects.
+logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)
 FRAMES = len(TIMES_S)
 READ_OUT = 4
 APART_M = 0.3
-"""Distance to all other offsets from which the current offset is sampled too, m. Ours."""
+"""The current offset is sampled too if it is at least this far from all other offsets, m. Ours."""
 LEAST_S = 0.6
-"""Least duration of the rest of a manoeuvre that is sampled, s. Ours: three frames of a plan."""
+"""Shortest rest of a manoeuvre that is sampled, s. Ours: three frames of a plan."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """One stretch of the route. The library's lengths differ slightly, as it measures its own polyline.
+    """One stretch of the route. Lengths in the library differ slightly from ours, because it measures along a polyline
+    of its own.
 
     Attributes:
         number: number of the stretch. system: the library's coordinate system.
@@ -45,7 +47,8 @@ class Window:
     """
 
     number: int
-    system: Any  # frenetix.CoordinateSystemWrapper; the library's stubs cannot be resolved
+    # A frenetix.CoordinateSystemWrapper; `Any`, because the library's stubs name a module that does not exist.
+    system: Any
     route_s: FloatArray
     own_s: FloatArray
 
@@ -68,7 +71,7 @@ def make_window(route: DriverRoute, number: int) -> Window:
     last = min(round((begin + reach) / GRID_M), len(route.points))
     points = np.column_stack([route.columns[name][first:last:stride] for name in ("x", "y")])
     system = frenetix.CoordinateSystemWrapper(points)
-    # The library adds points of its own before the first.
+    # frenetix 0.4.0 adds points of its own before the first one.
     line = np.array(system.ref_line)
     ahead = float(system.ref_pos[int(np.abs(line - points[0]).sum(axis=1).argmin())])
     lengths = np.hypot(*np.diff(points, axis=0).T).astype(np.float64)
@@ -97,7 +100,7 @@ class Candidates(Motion):
 
     offset: FloatArray
     cost: FloatArray
-    samples: tuple[Any, ...]  # frenetix.TrajectorySample
+    samples: tuple[Any, ...]  # objects of type frenetix.TrajectorySample
 
     def take(self, which: NDArray[np.int64]) -> Candidates:
         """Return the candidates with these indices, in this order."""
@@ -112,11 +115,11 @@ class Planner:
 
     Two faults of frenetix 0.4.0 are worked around. The second derivatives of a filled sample (`s_ddot`, `d_ddot`, and
     with them `a` and `kappa`) are half of those of its positions; its polynomials are right. And its headings jump from
-    pi to -pi, which its check of the yaw rate takes for a turn. So headings are those of the route plus the sample's
-    angle to it, accelerations and curvatures come from speeds, headings and polynomials, and the limits of the car are
-    checked with those; the library's own check of the curvature is kept, as it can only reject what is far too sharp.
-    (Its bound of the curvature's rate, a fixed 0.4 1/(m s), rejects every path through a bend of 10 m: the lanes' own
-    curvature changes faster.)
+    pi to -pi, which its check of the yaw rate takes for a turn. Therefore headings are those of the route plus the
+    sample's angle to it; accelerations and curvatures are computed from speeds, headings and polynomials; and the
+    limits of the car are checked with these values. The library's own check of the curvature is kept, because it only
+    rejects bends that are far too sharp. (Its bound of the curvature's rate, a fixed 0.4 1/(m s), rejects every path
+    through a bend of 10 m: the lanes' own curvature changes faster.)
     """
 
     def __init__(self, route: DriverRoute, vehicle: VehicleLimits) -> None:
@@ -215,8 +218,10 @@ def travel(start: Frenet, time: FloatArray, speed: FloatArray) -> FloatArray:
 
 
 def stop_time(start: Frenet, length_m: float) -> float | None:
-    """Return the duration of the library's quartic that stops after a length, s; None: it would have to reverse."""
-    # length = T v / 2 + T^2 a / 12; the speed stays above 0 for T <= 3 v / -a.
+    """Return the duration of the library's quartic that stops after a length, s; None if the car would have to reverse
+    for it.
+    """
+    # length = T v / 2 + T^2 a / 12; the speed stays positive for T <= 3 v / -a.
     v, a = start.s_dot, start.s_ddot
     if length_m <= 0.0 or v <= 0.0:
         return None
@@ -254,7 +259,7 @@ def _read_out(samples: tuple[Any, ...], window: Window, route: DriverRoute) -> C
     for sample in samples:
         frenet = sample.curvilinear
         flat += (frenet.s, frenet.d, frenet.s_dot, frenet.theta)
-    if any(len(row) != FRAMES for row in flat[::READ_OUT]):  # a stop that takes longer
+    if any(len(row) != FRAMES for row in flat[::READ_OUT]):  # a stop that lasts beyond the horizon
         flat = [row[:FRAMES] for row in flat]
     rows = np.concatenate(flat) if flat else np.zeros(0)
     s, d, s_dot, turned = rows.reshape(len(samples), READ_OUT, FRAMES).transpose(1, 0, 2)
@@ -271,7 +276,9 @@ def _read_out(samples: tuple[Any, ...], window: Window, route: DriverRoute) -> C
 
 
 def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # noqa: ANN401  see `Window.system`
-    """Return d' and d'', s' and s'' over time, from the library's polynomials: see `Planner` for why."""
+    """Return d' and d'', s' and s'' over time, from the library's polynomials; the docstring of `Planner`
+    explains why.
+    """
     along, across, ends_s = sample.trajectory_long, sample.trajectory_lat, float(sample.sampling_parameters[1])
     t = np.minimum(TIMES_S, ends_s)
     v = np.array([along(x, 1.0) for x in t.tolist()])
@@ -286,7 +293,8 @@ def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, Float
 def ends(situation: RoadSituation, behaviour: Behaviour, start: Frenet, last: Plan | None) -> Ends:
     """Return each offset with each speed and each duration, the stops, and the end of the last plan.
 
-    Without the latter a manoeuvre would never end, as all other samples end at least `END_TIMES_S` from now.
+    Without the end of the last plan a manoeuvre would never end, because all other samples end at least `END_TIMES_S`
+    from now.
     """
     offsets = behaviour.offsets
     if np.abs(offsets - start.d).min() > APART_M:
@@ -318,7 +326,7 @@ def _speeds(situation: RoadSituation, start: Frenet, most: float) -> list[float]
 
 
 def _stops(situation: RoadSituation, behaviour: Behaviour, start: Frenet) -> list[float]:
-    """Return the durations of the stops exactly at the stop, and directly behind standing actors ahead."""
+    """Return the durations of stops: exactly at the stop place, and directly behind standing actors ahead."""
     front_s = start.s + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     places = [] if behaviour.stop_s is None else [behaviour.stop_s]
     leaders = behaviour.leaders[:, 0]

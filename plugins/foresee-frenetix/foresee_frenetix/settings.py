@@ -9,19 +9,20 @@ from __future__ import annotations
 
 # --- planning ---------------------------------------------------------------------------------------------------
 REPLAN_STEPS = 2
-"""A new plan every second step of 0.05 s, 10 Hz; the planners of the field run at 5 to 10 Hz."""
+"""Number of steps of 0.05 s between two plans: 10 Hz; other planners of this kind run at 5 to 10 Hz."""
 HORIZON_S = 4.0
 PLAN_STEP_S = 0.2
-"""Ours: the predictions' horizon, every second of their frames. The car moves 2.8 m between frames at 50 km/h, less
-than its length, so that no footprint is jumped over; half the frames halve the cost of reading the samples out."""
+"""Time between two frames of a plan, s. Ours: every second frame of the predictions. The car moves 2.8 m between frames
+at 50 km/h, less than its length, so that no footprint is skipped; half the frames halve the cost of reading the
+samples."""
 END_TIMES_S = (2.0, 3.0, 4.0)
 """Durations of a sampled change of speed or lane, s. Ours: below 2 s it is uncomfortable, and nothing is predicted
 beyond 4 s."""
 SPEED_SHARES = (1.0, 0.75, 0.5, 0.25)
 """Sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 are added. Ours."""
 STOP_SPEED_MPS = 0.02
-"""End speed of a stop, m/s. Ours: with exactly 0, rounding makes the last frame run backwards, and the library rejects
-that."""
+"""End speed of a stop, m/s. Ours: with exactly 0, rounding makes the last frame run backwards, and frenetix 0.4.0
+rejects that."""
 LONGEST_STOP_S = 12.0
 """Longest duration of a stop that is sampled, s. Ours: longer stops, and stops beyond the way that the route's highest
 speed covers within the horizon, are not considered yet. A plan begins to brake 56 m before the place at 50 km/h, and
@@ -29,51 +30,53 @@ stays within the library's coordinates."""
 ACCELERATION_MPS2 = 2.5
 """Largest acceleration of a plan, even if the motor has more, m/s^2. Ours: nuPlan calls up to 2.4 m/s^2 comfortable."""
 RISE = 0.6
-"""Largest mean acceleration of a sample, as a share of the car's. Ours: a quartic's peak is 1.5 times its mean, which
-leaves a margin of a tenth."""
+"""Largest mean acceleration of a sample, as a share of the car's largest. Ours: the peak of a quartic is 1.5 times its
+mean, so that a tenth remains."""
 LOW_SPEED_MPS = 4.0
-"""The library's low-velocity mode (lateral motion over length instead of over time) below this; the same
-as the default of commonroad-reactive-planner (`low_vel_mode_threshold`). Published configurations of other planners of
-this family have 2 m/s."""
+"""Speed below which the library's low-velocity mode is used (lateral motion over length instead of over time), m/s; the
+default of commonroad-reactive-planner (`low_vel_mode_threshold`). Published configurations of other planners of this
+family have 2 m/s."""
 LEAST_WAY_M = 0.6
-"""Shortest way of a lateral motion, m. Ours: shorter ones cannot be computed reliably; braking straight on replaces
+"""Shortest way of a lateral motion, m. Ours: shorter ones cannot be computed reliably; braking straight ahead replaces
 them."""
 CREEP_MPS = 1.0
 CREEP_BRAKING_MPS2 = (0.8, 1.6)
-"""Below the creeping speed, a stop straight on with this braking is offered too. Ours: gentle enough not to nod."""
+"""Braking of the stops straight ahead that are added below the creeping speed, m/s^2. Ours: gentle enough that the car
+does not nod."""
 HOLD_M = 1.5
 """Distance to its stop place within which a car slower than `CREEP_MPS` stops, m. Ours: the last metre would take five
 seconds."""
 
 # --- reference --------------------------------------------------------------------------------------------------
 REFERENCE_STEP_M = 1.0
-"""Ours: spacing of the points that the library gets; in a bend of 5 m their chords cut it by 0.025 m."""
+"""Spacing of the points of the route that the library gets, m. Ours: in a bend of 5 m their chords cut it by 0.025
+m."""
 WINDOW_M = 40.0
 BEHIND_M = 10.0
-"""The library's coordinates are renewed every 40 m, and begin 10 m behind the car. Ours: their cost grows with the
+"""Length of the library's coordinates behind the car, m; they are renewed every 40 m. Ours: their cost grows with the
 square of the number of points (measured: 2 ms for 120, 200 ms for 850)."""
 
 # --- costs: all in the unit of 1 m/s of mean speed over the horizon ---------------------------------------------
 SLOW_WEIGHT = 1.0
 FAST_WEIGHT = 12.0
-"""Cost per (m/s)^2 above the speed that limit, bend, stop place or leader allow. Ours: the cheapest plan is then 0.04
-m/s too fast."""
+"""Cost per (m/s)^2 above the speed that limit, bend, stop place or leader allow. Ours: the cheapest plan is then only
+0.04 m/s too fast."""
 HEADWAY_WEIGHT = 8.0
 HEADWAY_S = 1.5
-"""Time gap, s: IDM, table I. The weight is the cost of a missing gap, per share of the wished gap (standing gap and 1.5
-s). Ours."""
+"""Wished time gap, s (IDM, table I). The weight is the cost of a missing gap, per share of the wished gap (standing gap
+and 1.5 s). Ours."""
 REACTION_S = 0.5
 """Reaction time for which the speed leaves room to stop behind a braking leader, s. Ours: about the time in which a
 plan changes from cruising to braking. Without it the car touched a leader that stopped with 3 m/s^2."""
 OFFSET_WEIGHT = 0.4
-"""Cost of a metre from the middle of the lane. Ours: behind a parked actor, setting off at once gains 2.5 m/s, and the
-offset of 2.5 m that this needs must cost less."""
+"""Cost of each metre from the middle of the lane. Ours: behind a parked actor, setting off at once gains 2.5 m/s, and
+the offset of 2.5 m that this needs must cost less."""
 LATERAL_JERK_WEIGHT = 0.1
 LONGITUDINAL_JERK_WEIGHT = 0.1
-"""Werling weights jerk with 0.1 against the end state's errors."""
+"""Weight of longitudinal jerk: Werling weights jerk with 0.1 against the errors of the end state."""
 NEAR_WEIGHT = 3.0
 PRESSED_WEIGHT = 3.0
-"""Cost per share of the frames with less distance than `pdm` requires, and with less than its time to collision.
+"""Cost of the share of frames with less distance than `pdm` requires, and with a time to collision below that of `pdm`.
 Ours."""
 DOUBT_MPS = 0.5
 DOUBT_M = 1.5
@@ -96,8 +99,8 @@ enough."""
 
 # --- when nothing is feasible -----------------------------------------------------------------------------------
 OLD_PLAN_S = 0.5
-"""Age up to which the last plan is kept while it is free of collisions, s. Ours: in 0.5 s a pedestrian walks 0.7 m,
-about the distance that a plan keeps."""
+"""Age up to which the last plan is still driven if it is free of collisions, s. Ours: in 0.5 s a pedestrian walks 0.7
+m, about the distance that a plan keeps."""
 EMERGENCY_BRAKING_MPS2 = (3.0, 5.0)
 """Braking that is tried along the present path before the strongest braking, m/s^2. Ours: the braking that amber
 requires, and about the hardest of an ordinary driver."""
@@ -106,13 +109,13 @@ FADE_M = 5.0
 
 # --- tracking ---------------------------------------------------------------------------------------------------
 LAG_S = 0.2
-"""Mean lag of drivetrain and brakes, s: the acceleration is read from the plan this much ahead."""
+"""Mean delay of drivetrain and brakes, s; the acceleration is read from the plan this much ahead."""
 SPEED_GAIN = 1.2
 PLACE_GAIN = 0.2
 INTEGRAL_GAIN = 0.1
 INTEGRAL_LIMIT_MPS2 = 0.4
-"""Ours: PID of the speed (1/s, 1/s^2, 1/s^2), well damped with the lags of 0.1 and 0.2 s; the limit of the integral is
-enough for a slope of 4 %."""
+"""Gains of the PID controller of the speed (1/s, 1/s^2, without unit) and the limit of its integral, m/s^2. Ours: well
+damped with the lags of 0.1 and 0.2 s; the limit is enough for a slope of 4 %."""
 OFF_PLAN_M = 1.0
 OFF_PLAN_SIDE_M = 0.3
 OFF_PLAN_MPS = 1.0

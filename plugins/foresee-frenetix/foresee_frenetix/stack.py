@@ -1,4 +1,4 @@
-"""The stack's loop: perceive, predict, decide, plan, track; and its reaction if no trajectory is feasible."""
+"""The loop of the stack: perceive, predict, decide, plan, track; and its reaction if no trajectory is feasible."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ from foresee_frenetix.plan import Frenet, Plan, Pose, angle_between, braking_pla
 from foresee_frenetix.planner import Planner, ends
 
 STOPS_MPS2 = 0.3
-"""Additional braking for any stop or leader, m/s^2, which distinguishes a standing ego's stop from a free road.
-Ours."""
+"""Additional braking that any stop or leader requires, m/s^2. Ours: it distinguishes the stop of a standing ego from a
+free road."""
 
 
 @dataclass
 class Count:
-    """Numbers of plans, and of plans without a feasible trajectory of the library: the last plan kept, or an emergency
-    stop."""
+    """The number of plans, and the number of those for which the library had no feasible trajectory: the last plan was
+    kept, or the car made an emergency stop.
+    """
 
     plans: int = 0
     kept: int = 0
@@ -87,9 +88,12 @@ class Stack:
         return self._controller.wanted
 
     def explain(self) -> Sequence[Reason]:
-        """Return the behaviour's state, an emergency stop if there is one, and the signals and objects that alone make
-        the behaviour layer stop or follow; see `drivers.pdm.reasons`."""
-        from foresee_dsl.drivers.pdm.reasons import (  # here: driving does without
+        """Return the reasons for the last answer, the strongest first.
+
+        They are the behaviour's state, an emergency stop if there is one, and the signals and objects that by
+        themselves make the behaviour layer stop or follow; see `drivers.pdm.reasons`.
+        """
+        from foresee_dsl.drivers.pdm.reasons import (  # imported here, because driving does not need it
             FREE_ROAD,
             Wish,
             reasons_alone,
@@ -109,7 +113,11 @@ class Stack:
 
         plan = self.plan
         emergency = plan is not None and plan.emergency
-        doing = "brakes along its path, as no trajectory is free" if emergency else f"state {self.state.value}"
+        doing = (
+            "brakes along its path, because every trajectory would collide"
+            if emergency
+            else f"state {self.state.value}"
+        )
         planned = plan.pose(now.observation.time_s).acceleration if plan is not None else None
         others = (r for r in reasons_alone(now, tracks, decided) if r.rule != FREE_ROAD)
         return Reason("behaviour", doing, acceleration_mps2=planned), *others
@@ -126,8 +134,10 @@ class Stack:
     def _behaviour(
         situation: RoadSituation, patience: Patience, futures: FloatArray = NO_FUTURES
     ) -> tuple[Behaviour, Records]:
-        """Return the task from the behaviour layer, and the prediction on which it is based; `futures`: of an ideal
-        prediction."""
+        """Return the task from the behaviour layer, and the prediction on which it is based.
+
+        `futures`: the others' true motion for an ideal prediction.
+        """
         route = situation.route
         foes = near_foes(situation.egos, route.foes, route.junctions)
         matches = match(situation.actors, foes, route.paths)
@@ -137,7 +147,9 @@ class Stack:
         return decide(situation, foes, matches, prediction, patience), prediction
 
     def _sampled(self, situation: RoadSituation, behaviour: Behaviour, prediction: Records) -> Plan | None:
-        """Return the best of the library's candidates (and, when slow, of plans to a stop); None if none is free."""
+        """Return the best of the library's candidates and, at low speed, of plans to a stop; None if none is free of
+        collisions.
+        """
         now = situation.observation.time_s
         start, heading = self._start(situation)
         if start is None:
@@ -162,11 +174,13 @@ class Stack:
                 return _standing(self.plan.frenet(now)), wanted.heading
         try:
             return _standing(self._planner.begin(situation)), state.heading_rad
-        except (ValueError, RuntimeError):  # off the library's coordinates, or against the route
+        except (ValueError, RuntimeError):  # the car is outside the library's coordinates, or heads against the route
             return None, state.heading_rad
 
     def _without(self, situation: RoadSituation, behaviour: Behaviour, prediction: Records) -> Plan:
-        """Return a plan if no trajectory is feasible: the last plan while it is free, else an emergency stop."""
+        """Return a plan if no trajectory is feasible: the last plan while it is free of collisions, otherwise an
+        emergency stop.
+        """
         now = situation.observation.time_s
         last = self.plan
         young = last is not None and not last.emergency and now - last.begins_s <= cfg.OLD_PLAN_S
@@ -185,7 +199,7 @@ class Stack:
 
 
 def _required_acceleration(behaviour: Behaviour, now: RoadSituation) -> float:
-    """Return the acceleration that a behaviour requires: to its stop, or to the speed of its leader, m/s^2."""
+    """Return the acceleration that a behaviour requires, m/s^2: to its stop, or to the speed of its leader."""
     ego = now.ego
     acceleration = 0.0
     if behaviour.stop_s is not None:
@@ -200,7 +214,7 @@ def _required_acceleration(behaviour: Behaviour, now: RoadSituation) -> float:
 
 
 def _standing(start: Frenet) -> Frenet:
-    """Return a state in which the braking of a standing car is zero: otherwise it could not set off again."""
+    """Return a state in which the braking of a standing car is zero; otherwise the car could not set off again."""
     return (
         start._replace(s_dot=0.0, s_ddot=0.0) if start.s_dot < pdm_settings.COAST_MPS and start.s_ddot <= 0.0 else start
     )
@@ -236,7 +250,7 @@ class TrackingController:
         moving = state.speed_mps > pdm_settings.COAST_MPS or ahead.speed > pdm_settings.COAST_MPS
         if not moving:
             self._integral = 0.0
-            return -1.0  # it stands and should stay
+            return -1.0  # the car stands and should stay
         most = cfg.INTEGRAL_LIMIT_MPS2
         self._integral = max(-most, min(most, self._integral + cfg.INTEGRAL_GAIN * wanted * self._step_s))
         place = max(-cfg.OFF_PLAN_M, min(cfg.OFF_PLAN_M, -along))

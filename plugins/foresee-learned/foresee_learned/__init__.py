@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from foresee_learned.weights import Weights
 
 HANDOVER_S = 1.0
-"""Time for which a driver watches at a clip's beginning before it drives, s: its pictures show the positions of the
-others 1.0 s ago (`inputs.PAST_S`)."""
+"""Time for which a driver watches at a clip's beginning before it drives, s: its pictures show where the others were up
+to 1.0 s ago (`inputs.PAST_S`)."""
 
 
 class _LearnedDriver:
@@ -40,9 +40,11 @@ class _LearnedDriver:
 
     @classmethod
     def check(cls) -> None:
-        """Raise a `DriverError` if the driver cannot drive: without onnxruntime or weights, or with damaged weights."""
+        """Raise a `DriverError` if the driver cannot drive: if onnxruntime or the weights are missing, or the weights
+        are damaged.
+        """
         weights = cls._packaged_weights()
-        if not weights.named:  # nothing but opening them says whether they are whole
+        if not weights.named:  # opening the file is the only way to find out whether it is complete
             from foresee_learned.session import network_of
 
             network_of(weights)
@@ -71,12 +73,12 @@ class _LearnedDriver:
         return self.state.step(observation)
 
     def explain(self) -> Sequence[Reason]:
-        """Return the reasons for the last decision, the strongest first; they are computed now."""
+        """Return the reasons for the last decision, the strongest first; they are computed in this call."""
         return self.state.explain()
 
     @property
     def state(self) -> Decisions:
-        """The driver's memory since `reset`."""
+        """Return the driver's memory since `reset`."""
         if self._state is None:
             raise DriverError(f"the driver {self.name} was stepped before reset")
         return self._state

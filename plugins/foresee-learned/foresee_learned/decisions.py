@@ -16,12 +16,12 @@ from foresee_learned.session import Answer, Network
 
 
 class Decision(NamedTuple):
-    """The driver's plan until the next decision.
+    """What the driver has decided to do until the next decision.
 
     Attributes:
         waypoints: [N, 2] m ahead and to the left of the ego at the time of the decision.
         target_mps: speed to reach within `within_s`.
-        hardest: if true, brake as hard as the vehicle can instead.
+        hardest: whether to brake as hard as the vehicle can instead.
     """
 
     waypoints: FloatArray
@@ -31,7 +31,7 @@ class Decision(NamedTuple):
 
 
 class _Last(NamedTuple):
-    """The last decision, its basis, and its waypoints in world coordinates."""
+    """The last decision, the input from which it was computed, and its waypoints in world coordinates."""
 
     observation: Observation
     inputs: LearnedInputs
@@ -40,7 +40,9 @@ class _Last(NamedTuple):
 
 
 class Decisions(ABC):
-    """The memory of a driver since `reset`: the others' past places, the last decision, the pilot."""
+    """The memory of a driver since `reset`: the others' past places, the last decision, and the pilot, which controls
+    the vehicle.
+    """
 
     def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
         self._network, self.mission, self.vehicle = network, mission, vehicle

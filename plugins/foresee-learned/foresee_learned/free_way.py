@@ -1,4 +1,4 @@
-"""Computes up to which length the way along the waypoints is free of the others, now and in the next seconds."""
+"""Computes the length along the waypoints up to which the way is free of others, now and in the next seconds."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class FreeWay(NamedTuple):
 
 
 class Basis(NamedTuple):
-    """The basis of a decision: speeds (m/s) and their sources.
+    """The speeds from which a decision was computed (m/s), and where each comes from.
 
     Attributes:
         planned_mps: the waypoints' speed.

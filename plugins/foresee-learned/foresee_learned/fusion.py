@@ -18,13 +18,15 @@ class FusionState(Decisions):
     """The driver's memory since `reset`."""
 
     def decide(self, observation: Observation, answer: Answer) -> Decision:
-        """Take waypoints and target speed from the network; if they need hard braking, brake as hard as the car can."""
+        """Return the network's waypoints and target speed; if they need hard braking, brake as hard as the car can."""
         decision = _decision(answer)
         wanted_mps2 = (decision.target_mps - observation.ego.speed_mps) / decision.within_s
         return decision._replace(hardest=wanted_mps2 < -cfg.FUSION_HARD_MPS2)
 
     def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:
-        """Query the network again without each of the objects and without the stop lines."""
+        """Return the reasons for a decision: query the network again without each of the objects, and without the stop
+        lines.
+        """
         from foresee_learned.reasons import reasons_by_erasing
 
         return reasons_by_erasing(observation, inputs, decision, lambda seen: _decision(self.answer_to(seen)))

@@ -42,7 +42,7 @@ class FusionSafeState(Decisions):
         self._creeping = Creeping()
 
     def decide(self, observation: Observation, answer: Answer) -> Decision:
-        """Drive at the speed of the waypoints, but not faster than is safe."""
+        """Return the decision to drive at the speed of the waypoints, but not faster than is safe."""
         now_mps, waypoints = observation.ego.speed_mps, answer["waypoints"].astype(np.float64)
         planned_mps, stop = planned_speed(waypoints), self._stop(answer)
         creeps = self._creeping.begins_or_goes_on(observation.time_s, now_mps, held=stop is not None)
@@ -86,8 +86,9 @@ class FusionSafeState(Decisions):
         return slow_mps, min(beside, moving, key=lambda item: item.first_m)
 
     def _stop(self, answer: Answer) -> tuple[JunctionPassage, float] | None:
-        """Return the route's next stop line and the front's distance to it, m, if the network's answer says that it
-        applies."""
+        """Return the route's next stop line and the distance of the front to it, m; None if, by the network's answer,
+        it does not apply.
+        """
         if answer["stop_line"].item(0) < cfg.STOP_PROBABILITY:
             return None
         if float(sum(answer["signal"][k] for k in _STOPS)) < cfg.STOP_PROBABILITY:
@@ -101,7 +102,7 @@ class FusionSafeState(Decisions):
 
 
 def planned_speed(waypoints: FloatArray) -> float:
-    """Return the speed in waypoints of `FUSION_SAFE_TIMES_S`, m/s."""
+    """Return the speed, m/s, of waypoints at the times `FUSION_SAFE_TIMES_S`."""
     first, last = cfg.PLANNED_BETWEEN
     steps = waypoints[first + 1 : last + 1] - waypoints[first:last]
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum()) / (FUSION_SAFE_TIMES_S[last] - FUSION_SAFE_TIMES_S[first])
@@ -121,14 +122,15 @@ class _Remembered(NamedTuple):
 
 
 class Objects:
-    """The road users of the density map, with a short memory: the network sometimes misses an object for a frame. Such
-    an object is added at the place to which its speed has moved it."""
+    """The road users of the density map, with a short memory, because the network sometimes misses an object for a
+    frame. Such an object is added at the place to which its speed has moved it.
+    """
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []
 
     def update(self, seen: Sequence[Occupied], ego: EgoState, time_s: float) -> list[Occupied]:
-        """Return the objects that are seen now, with plausible sizes, and those that were seen a moment ago."""
+        """Return the objects that are seen now, with plausible sizes, and those that were seen shortly before."""
         sized = [_with_a_size(occupied) for occupied in seen]
         kept: list[_Remembered] = []
         remembered: list[Occupied] = []
@@ -178,19 +180,22 @@ def _moved(remembered: _Remembered, ego: EgoState, time_s: float) -> Occupied:
     )
 
 
-# ---- going on after a long stand -------------------------------------------------------------------------------------
+# ---- driving on after a long stand
+# ------------------------------------------------------------------------------------
 
 
 class Creeping:
-    """Decides when the ego creeps: it stores the time since which the ego stands, and the time until which it
-    creeps."""
+    """Decides when the ego creeps.
+
+    It stores the time from which the ego has stood, and the time until which it creeps.
+    """
 
     def __init__(self) -> None:
         self._stands_since_s: float | None = None
         self._until_s = -math.inf
 
     def begins_or_goes_on(self, now_s: float, speed_mps: float, *, held: bool) -> bool:
-        """Return whether the ego is to creep at a time; call it at each decision, with increasing times.
+        """Return whether the ego is to creep at a time; to be called at each decision, with increasing times.
 
         `held`: whether a stop line applies.
         """
@@ -213,10 +218,8 @@ def along_the_route(mission: Mission, at_s: float, ego: EgoState, times_s: Seque
     """Return waypoints along the route at the speed of creeping, [N, 2] m ahead of the ego and to its left.
 
     Args:
-        mission: has the route.
-        at_s: the ego's length along it, m.
-        ego: the ego's place.
-        times_s: times of the waypoints, from now.
+        mission: the mission with the route. at_s: the ego's length along the route, m. ego: the ego's place. times_s:
+            times of the waypoints, from now, s.
     """
     s = at_s + cfg.CREEPS_MPS * np.array(times_s)
     dx = np.interp(s, mission.s, mission.centreline[:, 0]) - ego.x
@@ -239,7 +242,7 @@ class Speeds(NamedTuple):
 
 
 def fastest_safe_speed(now_mps: float, free_m: FloatArray, bounds: Speeds) -> float | None:
-    """Return the highest speed for the end of the first step, m/s; None where no speed is safe.
+    """Return the highest speed for the end of the first step, m/s; None if no speed is safe.
 
     A small linear programme in closed form (after InterFuser's safety controller):
 
@@ -256,8 +259,8 @@ def fastest_safe_speed(now_mps: float, free_m: FloatArray, bounds: Speeds) -> fl
     for every m. Each of these is a bound on v1 that can be written down; the least of them is the answer.
 
     Args:
-        now_mps: v0. free_m: [N] how far the ego may have come at the end of each step, infinite where nothing binds.
-        bounds: the rest.
+        now_mps: v0. free_m: [N] how far the ego may have come at the end of each step, infinite if nothing limits it.
+            bounds: limits of speed, acceleration and braking, and the duration of a step.
     """
     step, fall = bounds.step_s, bounds.braking_mps2 * bounds.step_s
     weights, falls = _sums(len(free_m))

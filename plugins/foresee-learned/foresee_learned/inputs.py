@@ -1,6 +1,6 @@
-"""The inputs of the learned drivers' networks: two pictures and a few numbers, made from an observation.
+"""The inputs of the learned drivers' networks: two pictures and a few numbers, computed from an observation.
 
-Training makes its inputs with this same code from recorded observations, so that the two cannot differ.
+Training computes its inputs with this same code from recorded observations, so that the two cannot differ.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from foresee_learned.rasters.layout import BIRDS_EYE, BIRDS_EYE_CHANNELS, FORWAR
 Picture = NDArray[np.uint8]
 Vector = NDArray[np.float32]
 Place = tuple[float, float, float]
-"""x, y (m) and heading (rad)."""
+"""A place: x, y (m) and heading (rad)."""
 
 AHEAD_M, BEHIND_M, SIDE_M = 48.0, 16.0, 32.0
-"""The part of the view from above that the networks get: all of it ahead (the braking distance from 70 km/h with 4
-m/s^2), and behind and to the sides the way of an overtaking car (at 50 km/h) and of a crossing car (at 30 km/h) in two
+"""The part of the view from above that the networks get, m. Ours: ahead as far as braking from 70 km/h takes with 4
+m/s^2; behind and to the sides as far as an overtaking car (at 50 km/h) and a crossing car (at 30 km/h) drive in two
 seconds."""
 DRAWN_CHANNELS = tuple(name for name in BIRDS_EYE_CHANNELS if name != "ego")
-"""Channels taken from the bird's-eye view: all but the ego's own footprint, which is the same in every picture."""
+"""Channels taken from the bird's-eye view: all except the ego's own footprint, which is the same in every picture."""
 PAST_S = (0.5, 1.0)
 """Age of the object lists of the past channels, s."""
 CHANNELS = (*DRAWN_CHANNELS, *(f"past_{seconds}_s" for seconds in PAST_S))
@@ -42,13 +42,15 @@ BIRDS_EYE_SHAPE = (
 )
 FORWARD_SHAPE = FORWARD.shape
 TURNS = ("straight", "left", "right", "back")
-"""Turn commands (`JunctionPassage.turn`); none of them: no junction ahead within `COMMAND_M`."""
+"""Turns at junctions (`JunctionPassage.turn`); if none of them is set, there is no junction ahead within
+`COMMAND_M`."""
 COMMAND_M = 40.0
-"""Distance before a junction's stop line from which its turn is commanded, up to the junction's end, m. Ours: half of
-the view."""
+"""The turn at a junction is commanded from this distance before its stop line, m, up to the junction's end. Ours: half
+of the view."""
 GOALS_M = (8.0, 24.0)
 """Distances of the goal points along the route, m. The driver steers for the first one at town speed; the second shows
-the bend behind it. TransFuser's lie 7.5 m to 50 m ahead (its route planner's least and largest distance)."""
+the bend behind it. TransFuser's points are 7.5 m to 50 m ahead (the smallest and largest distance of its route
+planner)."""
 VECTOR = (
     *("speed_mps", "speed_limit_mps"),
     *(f"goal_{distance:.0f}_m_{axis}" for distance in GOALS_M for axis in ("ahead_m", "left_m")),
@@ -63,7 +65,7 @@ _WINDOW = Window(
 )
 """The part of the view from above that is drawn."""
 _OWN = Window(0, 0, *BIRDS_EYE_SHAPE[1:])
-"""That part in its own pixels; the route and the past are drawn in them."""
+"""The same part in its own pixels, in which the route and the past are drawn."""
 _DRAWN = len(DRAWN_CHANNELS)
 _LEAST_PX = 2.0
 """Shortest length of a side when drawn, px, as in `simulate.rasters.birdseye`."""
@@ -71,13 +73,14 @@ _ROUTE = CHANNELS.index("route")
 _ROUTE_M = 1.5
 """Width of the route in the view from above, m."""
 _EDGE_M = 2.0
-"""Distance of a piece's middle from the picture beyond which the piece covers no pixel of it, m."""
+"""Distance from the picture at which the middle of a piece of the route is too far for the piece to cover a pixel,
+m."""
 _BACK_M, _ON_M = 10.0, 25.0
 """The ego's place on its route is searched from `_BACK_M` behind its last place to `_ON_M` ahead of the farthest place
-that it can have reached, m."""
+that it may have reached, m."""
 _TURNED_M2 = 20.0
 """Penalty for a place at which the route runs in the opposite direction, as a squared distance, m^2: where a route
-turns back, its two lanes of 3.3 m lie beside each other."""
+turns back, its two lanes of 3.3 m are beside each other."""
 _SLACK_S = 1e-6
 
 
@@ -97,7 +100,7 @@ class LearnedInputs:
 
 
 class InputMaker:
-    """Makes the inputs of one run from consecutive observations."""
+    """Computes the inputs of a run's decisions from consecutive observations."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:  # noqa: ARG002  room for what it can do
         """Begin at the mission's start, with no past."""
@@ -106,7 +109,7 @@ class InputMaker:
 
     @property
     def place_s(self) -> float:
-        """The ego's length along its route when the last inputs were made, m."""
+        """Return the ego's length along its route when the last inputs were computed, m."""
         return self._route.at_s
 
     def make(self, observation: Observation) -> LearnedInputs:
@@ -115,14 +118,16 @@ class InputMaker:
         return self.draw(observation, [self._ago(observation.time_s, seconds) for seconds in PAST_S])
 
     def note(self, observation: Observation) -> None:
-        """Store an observation without inputs, as part of the past of later ones; `make` does this itself."""
+        """Store an observation without computing inputs, as part of the past of later ones; `make` stores its own
+        observation.
+        """
         now = observation.time_s
         self._seen.append((now, observation.actors))
         while len(self._seen) > 1 and self._seen[1][0] <= now - max(PAST_S) + _SLACK_S:
             self._seen.popleft()
 
     def draw(self, observation: Observation, past: Sequence[Sequence[SeenActor]]) -> LearnedInputs:
-        """Return the inputs with a given past.
+        """Return the inputs of an observation with this past.
 
         Args:
             observation: the present one; its time is not before that of earlier calls.
@@ -153,7 +158,7 @@ class InputMaker:
 
 
 def _boxes_along(mission: Mission) -> FloatArray:
-    """Return the mission's line, a box for each step: [N, 5] x, y, heading, length, width.
+    """Return the mission's line as boxes, one for each step: [N, 5] x, y, heading, length, width.
 
     The view from above shows the route only up to the goal. A clip's goal is the end of its window, in the middle of
     its parent's route. Drawn to the end of the mission's line, the route looks the same in both.
@@ -166,7 +171,7 @@ def _boxes_along(mission: Mission) -> FloatArray:
 
 
 def _in_sight(pose: Place, boxes: FloatArray) -> NDArray[np.bool_]:
-    """Return which of some boxes may be in the picture."""
+    """Return which boxes may be in the picture."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = boxes[:, 0] - pose[0], boxes[:, 1] - pose[1]
     ahead: FloatArray = c * dx + s * dy
@@ -202,7 +207,7 @@ class _Route:
         self._points: FloatArray = np.asarray(mission.centreline, dtype=np.float64)
         self._s: FloatArray = np.asarray(mission.s, dtype=np.float64)
         step = np.diff(self._points, axis=0)
-        self._x, self._y = self._points.T.copy()  # each in one piece, which `interp` would make of it each time
+        self._x, self._y = self._points.T.copy()  # contiguous copies, because `interp` would copy them at each call
         self._step, self._length2 = step, np.maximum((step**2).sum(axis=1), 1e-12)
         self._along: FloatArray = step / np.sqrt(self._length2)[:, None]
         self.at_s, self._time_s = float(mission.start_s), 0.0

@@ -1,4 +1,4 @@
-"""Turns waypoints and a target speed into pedals, 20 times a second: pure pursuit for the steering, a PID controller
+"""Converts waypoints and a target speed to pedals, 20 times a second: pure pursuit for the steering, a PID controller
 for the speed.
 
 Waypoints are converted to world coordinates when they are decided, so that they stay in place between two decisions
@@ -28,7 +28,7 @@ def laid_down(waypoints: FloatArray, ego: EgoState) -> FloatArray:
 
 
 class Pilot:
-    """Drives one vehicle along waypoints; it stores the errors of the speed of the last second."""
+    """Controls a vehicle along waypoints; it stores the speed errors of the last second."""
 
     def __init__(self, vehicle: VehicleLimits) -> None:
         self._vehicle = vehicle
@@ -41,7 +41,7 @@ class Pilot:
         """Return the control that keeps the ego on a path of the world ([N, 2] m, from `laid_down`) and brings it to a
         speed.
 
-        `within_s`: time to reach the speed. `hardest`: brake as hard as the vehicle can instead.
+        `within_s`: time to reach the speed. `hardest`: whether to brake as hard as the vehicle can instead.
         """
         car = self._vehicle
         steer = self._angle(path, ego) / car.steer_max_rad
@@ -64,7 +64,7 @@ class Pilot:
         return min(wanted, cfg.ACCELERATION_MPS2)
 
     def _angle(self, path: FloatArray, ego: EgoState) -> float:
-        """Return the angle of the front wheels, rad, with which the rear axle's circle meets the point ahead."""
+        """Return the angle of the front wheels, rad, with which the circle of the rear axle meets the point ahead."""
         car, ahead_m = self._vehicle, max(cfg.AIM_LEAST_M, cfg.AIM_S * ego.speed_mps)
         x, y, length_m = aim(path, ego.x, ego.y, ahead_m).tolist()
         if length_m < cfg.WAY_LEAST_M:

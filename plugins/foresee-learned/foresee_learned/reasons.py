@@ -1,4 +1,4 @@
-"""Reasons for the decisions of a learned driver.
+"""Computes the reasons for the decisions of a learned driver.
 
 `fusion_safe` computes which object or stop line limits its speed. `fusion` does not: its network is queried again with
 one object, or the stop lines, painted out of both pictures. If that makes the driver faster, the object is a reason.
@@ -25,15 +25,16 @@ if TYPE_CHECKING:
     from foresee_learned.outputs import Occupied
 
 LEAST_MPS = 0.3
-"""Least increase of the target speed without an object that makes the object a reason, m/s. Ours: the change by 2 m/s^2
-in one and a half decisions."""
+"""An object is a reason if the target speed without it is higher by at least this, m/s. Ours: the change by 2 m/s^2 in
+one and a half decisions."""
 NEAREST = 12
-"""Maximum number of objects, the nearest ones, that are painted out. Ours: 60 ms for a step."""
+"""Maximum number of objects that are painted out, the nearest ones. Ours: they take 60 ms per step."""
 SAME_M = 4.0
 """Distance within which the nearest object of the list is taken for an object of the density map, m. Ours: a car's
 length."""
 _AROUND_M = 0.75
-"""Margin of painted-out objects, m. Ours: one and a half pixels, as boxes are drawn larger than they are."""
+"""Margin around an object that is painted out, m. Ours: one and a half pixels, because boxes are drawn larger than they
+are."""
 _ROAD_USERS = [CHANNELS.index(n) for n in CHANNELS if n in {"vehicle", "two_wheeler", "pedestrian", "obstacle"}]
 _ROAD_USERS += [CHANNELS.index(n) for n in CHANNELS if n.startswith(("velocity", "past"))]
 _STOP_LINES = [CHANNELS.index(n) for n in CHANNELS if n.startswith("stop_")]
@@ -88,7 +89,7 @@ def _without(observation: Observation, inputs: LearnedInputs, seen: SeenActor) -
 
 
 def _paint_out_ahead(forward: Picture, place: tuple[float, float, float], seen: SeenActor) -> None:
-    """Clear the columns of the view ahead in which an object's box is, of road users."""
+    """Clear the road users in those columns of the view ahead in which an object's box is."""
     ahead, left, turned = place
     cos, sin = math.cos(turned), math.sin(turned)
     corners = [(i * seen.length_m / 2, k * seen.width_m / 2) for i in (-1, 1) for k in (-1, 1)]
@@ -111,7 +112,7 @@ def reasons_of_basis(observation: Observation, basis: Basis, vehicle: VehicleLim
     now_mps = observation.ego.speed_mps
     wish = (basis.planned_mps - now_mps) / cfg.PLANNED_S
     plan = Reason("plan", f"its waypoints are for {basis.planned_mps * 3.6:.0f} km/h", acceleration_mps2=wish)
-    safe, text = -vehicle.emergency_braking_mps2, "no speed is safe any more"
+    safe, text = -vehicle.emergency_braking_mps2, "no speed is safe"
     if basis.safe_mps is not None:
         safe, text = (
             (basis.safe_mps - now_mps) / cfg.STEP_S,

@@ -27,7 +27,7 @@ _networks: dict[str, Network] = {}
 
 
 class Network:
-    """A network, loaded and ready to answer."""
+    """A network that is loaded and ready to answer."""
 
     def __init__(self, content: bytes, name: str = "the network") -> None:
         """Load the bytes of an ONNX file; `name`: its name in errors.

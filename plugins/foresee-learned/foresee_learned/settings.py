@@ -8,8 +8,8 @@ Sensor Fusion Transformer", its appendix on the safety controller, and its publi
 from __future__ import annotations
 
 DECIDES_S = 0.075
-"""Least time between the measurements of the object lists of two decisions, s: ten decisions a second, with the
-standard sensors (a list every 0.1 s) and with ideal ones (every 0.05 s). Ours."""
+"""Minimum time between the measurements of the object lists of two decisions, s. Ours: it gives ten decisions a second,
+with the standard sensors (a list every 0.1 s) and with ideal ones (every 0.05 s)."""
 
 # --- waypoints to pedals ----------------------------------------------------------------------------------------
 AIM_S = 0.45
@@ -17,8 +17,8 @@ AIM_LEAST_M = 2.2
 """Least distance of the point that the ego steers for, ahead of its centre, m. Ours: with 0.6 s and 3 m, or with more,
 the ego cut the exit of a roundabout over its kerb. TransFuser aims at 4 m below 5.5 m/s and at 6.5 m above."""
 WAY_LEAST_M = 0.7
-"""Length of the waypoints' path below which the wheels keep their angle, m. Ours: such short paths belong to a car that
-is to stand, and their direction is random."""
+"""Length of the waypoints' path below which the wheels keep their angle, m. Ours: so short a path belongs to a car that
+is to stand, and its direction is random."""
 FRICTION_SHARE = 0.7
 """Share of the tyres' grip that steering may use. Ours: the rest is for braking in the bend."""
 INTEGRAL_GAIN = 0.1
@@ -35,10 +35,10 @@ to rest before the second is over at whose end the target speed applies. Its eve
 TransFuser brakes fully whenever it is 10 % too fast."""
 FUSION_HARD_MPS2 = 1.5
 """As `HARD_MPS2`, for `fusion`, m/s^2. Ours: its target speed is a mean over possible speeds, so it falls too slowly:
-with 4 m/s^2 the driver hit 4 people at 2 to 6 m/s in 33 cases whom it does not hit with this. TransFuser's 10 % are 1
-m/s at 36 km/h."""
+in 33 cases, with 4 m/s^2 the driver hit 4 people at 2 to 6 m/s, and with 1.5 m/s^2 none of them. TransFuser's 10 % are
+1 m/s at 36 km/h."""
 TARGET_STANDS_MPS = 0.3
-"""Target speed below which the car is to stand, m/s. Ours."""
+"""Target speed below which the car is supposed to stand, m/s. Ours."""
 ACCELERATION_MPS2 = 2.5
 """Largest required acceleration, m/s^2. Ours: nuPlan calls up to 2.4 m/s^2 comfortable."""
 
@@ -48,9 +48,9 @@ LEAST_OCCUPIED = 0.4
 InterFuser's."""
 SURE = 0.6
 OBJECT_KEPT_S = 0.45
-"""Probability from which an object is remembered, and time for which it is remembered while it is not seen, s. Ours:
-four decisions. A child at 6 m had 99 %, 75 %, 44 %, 96 %, 40 % in turns, and the brake was released each time it was
-gone. InterFuser's tracker keeps objects for five steps."""
+"""Probability from which an object is remembered, and time for which a remembered object is kept while it is not seen,
+s. Ours: four decisions. A child at 6 m had 99 %, 75 %, 44 %, 96 %, 40 % in turns, and the brake was released each time
+it was gone. InterFuser's tracker keeps objects for five steps."""
 SAME_OBJECT_M = 2.0
 """Distance to the place of an earlier object within which an object counts as the same, m: InterFuser's."""
 LEAST_M = 0.5
@@ -68,8 +68,9 @@ BRAKING_MPS2 = 4.0
 PREDICTED_S = (0.0, 0.5, 0.75, 1.0, 1.5, 2.0)
 """Times at which the others are placed, by their speed along their heading, s: InterFuser's."""
 SOON_S = 1.0
-"""Time within which every object in the way limits the speed, s: InterFuser's two steps. Later, only objects that were
-in the way by then do, moved on. Ours: otherwise crossing cars that brake for their own red light would limit it."""
+"""Time within which every object in the way limits the speed, s: InterFuser's two steps. Later than that, only objects
+that were in the way within it do, moved on by their speed. Ours: otherwise crossing cars that brake for their own red
+light would limit it."""
 SLOW_MPS = 3.0
 SLOW_SOON_S = 2.0
 """The same time for slow objects, s. Ours: people who walk or run keep walking, so they limit the speed two seconds
@@ -83,9 +84,10 @@ SPEED_ERROR_MPS = 0.5
 CREEPS_AFTER_S = 8.0
 CREEPS_FOR_S = 2.0
 CREEPS_MPS = 3.0
-"""After standing for this time, without a stop line that applies and with a free way, the ego goes on along the route
-for a moment at this speed. Ours: in the training data, standing vehicles mostly went on standing. TransFuser creeps at
-4 m/s for 1.5 s after 55 s, longer than a red light takes; this driver knows whether a light applies."""
+"""After standing for the first time, s, without a stop line that applies and with a free way, the ego drives along the
+route for the second time, s, at this speed, m/s. Ours: in the training data, standing vehicles mostly went on standing.
+TransFuser creeps at 4 m/s for 1.5 s after 55 s, longer than a red light takes; this driver knows whether a light
+applies."""
 MARGIN_M = 2.0
 """Clearance in front of an object, m: InterFuser's."""
 SIDE_MARGIN_M = 0.2

@@ -1,4 +1,4 @@
-"""The weights of the learned drivers: finds the files and checks that they are the trained ones.
+"""Finds the weights of the learned drivers, and checks that the files are the trained ones.
 
 They come with the package, with their SHA-256 in `weights/SHA256SUMS`. The environment variable `FORESEE_WEIGHTS` names
 a folder to use instead; if that has no `SHA256SUMS`, its files are used without a check.
@@ -16,10 +16,11 @@ from foresee_dsl.errors import DriverError, DriverUnavailableError
 
 FOLDER_VARIABLE = "FORESEE_WEIGHTS"
 SUMS = "SHA256SUMS"
-"""As the program `sha256sum` writes it: a line for each file, its hash, two blanks, its name."""
+"""Name of the file of hashes, in the format of the program `sha256sum`: a line for each file, with its hash, two
+blanks, and its name."""
 _BUNDLED = Path(__file__).parent / "weights"
 _SHORT = 8
-"""Number of hexadecimal digits of a hash in texts; keys have all of them. Ours."""
+"""Number of hexadecimal digits of a hash in texts; keys contain all of them. Ours."""
 
 
 class Weights(NamedTuple):
@@ -31,7 +32,7 @@ class Weights(NamedTuple):
 
     @property
     def short(self) -> str:
-        """The beginning of the hash."""
+        """Return the beginning of the hash."""
         return self.sha256[:_SHORT]
 
     def content(self) -> bytes:
@@ -81,7 +82,9 @@ def checked(file: Path, *, sums_needed: bool = True) -> Weights:
 
 
 def _wanted(file: Path, sums_needed: bool) -> str | None:
-    """Return the hash that a file should have; None if a folder of the user's own has none for it."""
+    """Return the hash that a file should have; None if the file is in the user's own folder, which has no hash
+    for it.
+    """
     sums = file.with_name(SUMS)
     if not sums_needed and not sums.exists():
         return None
@@ -94,12 +97,14 @@ def _wanted(file: Path, sums_needed: bool) -> str | None:
 
 def _damaged(file: Path, digest: str, wanted: str) -> DriverError:
     return DriverError(
-        f"{file} is not the file that was trained: its SHA-256 is {digest[:_SHORT]}..., {SUMS} beside it says "
-        f"{wanted[:_SHORT]}...; reinstall the package that it is in, or write the file anew"
+        f"{file} is not the file that was trained: its SHA-256 is {digest[:_SHORT]}..., {SUMS} beside it states "
+        f"{wanted[:_SHORT]}...; reinstall the package that contains it, or export the file again"
     )
 
 
 @lru_cache(maxsize=8)
 def _sha256(file: Path, size: int, changed_ns: int) -> str:  # noqa: ARG001 - a file that was written anew is read again
-    """Return a file's hash; a worker makes a driver for each run, and hashing 8 MB takes some milliseconds."""
+    """Return the hash of a file; cached, because a worker creates a driver for each run, and hashing 8 MB takes some
+    milliseconds.
+    """
     return hashlib.sha256(file.read_bytes()).hexdigest()

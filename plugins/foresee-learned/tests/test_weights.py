@@ -54,7 +54,7 @@ def test_a_flipped_byte_is_found(folder: Path) -> None:
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (1, ""), "an error of the input, and nothing was simulated"
     assert re.match(
-        r"error: \S+fusion_safe\.onnx is not the file that was trained.*write the file anew\n$", done.stderr
+        r"error: \S+fusion_safe\.onnx is not the file that was trained.*export the file again\n$", done.stderr
     )
 
 

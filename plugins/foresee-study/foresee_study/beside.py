@@ -1,4 +1,4 @@
-"""Compares the paper's figures with ours, as a table and in sentences."""
+"""Compares the paper's figures with ours, as a table and in sentences, for the pages of a study."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def beside(results: Results, question: str) -> Table:
     ours = {driver: [figure.ours(results, driver) for figure in figures] for driver in drivers}
     compared = [driver for driver in drivers if any(ours[driver])]
     if compared[1:] == [TOGETHER]:
-        compared.pop()  # one driver alone
+        compared.pop()  # the figures of one driver alone
     columns = [Column(title, (driver,)) for driver in compared for title in ("paper", "ours", "95 %")]
     rows: list[Row] = []
     for k, figure in enumerate(figures):
@@ -40,7 +40,7 @@ def beside(results: Results, question: str) -> Table:
 
 
 def _behind(figure: PaperFigure) -> str:
-    """Return the unit to append to a figure's description if the description does not contain it."""
+    """Return the unit of a figure; "" if the description of the figure already contains it."""
     return {Unit.SHARE: ", %", Unit.MORE: ", %", Unit.TIMES: ", times"}.get(figure.unit, "")
 
 
@@ -106,7 +106,9 @@ def _judged(ours: Ours, paper: float, unit: Unit) -> str:
 
 
 def _why(results: Results, figure: PaperFigure, driver: str) -> str:
-    """Return, for a comparison of two rankers, a sentence on the rate that causes the difference to the paper."""
+    """Return a sentence about a comparison of two rankers: which of the two rates causes the difference from
+    the paper.
+    """
     if figure.question != "rq2" or figure.unit is not Unit.MORE:
         return ""
     other = figure.what.rpartition(" ")[2]

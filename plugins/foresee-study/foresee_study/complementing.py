@@ -1,8 +1,8 @@
 """Runs rq4: two iterations of DriveFuzz, each followed by the forecast on the test cases without a failure.
 
-Failing test cases are counted, so a test case that has failed is not used again. In each iteration DriveFuzz comes
-first, then the forecast, on the unmutated test cases in which DriveFuzz found no failure. Test cases without a failure
-by either go into the second iteration, with other seeds.
+What is counted is failing test cases, so a test case that has failed is not used again. In each iteration DriveFuzz
+comes first, then the forecast, on the unmutated test cases in which DriveFuzz found no failure. Test cases without a
+failure by either go into the second iteration, with other seeds.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from foresee_study.questions import campaigns
 from foresee_study.settings import SECOND_ITERATION, StudySettings, Wanted
 
 Forecasts = Callable[[Wanted, Sequence[TestCase]], Measured | None]
-"""Runs a campaign on test cases; returns None if it was stopped."""
+"""A function that runs a campaign on test cases; it returns None if the campaign was stopped."""
 Fuzzes = Callable[[FuzzSettings, Sequence[TestCase], int, int], Fuzzed | None]
-"""Fuzzes test cases, in a repetition and an iteration; returns None if it was stopped."""
+"""A function that fuzzes test cases in a repetition and an iteration; it returns None if it was stopped."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Names of the test cases that failed with each technique in one iteration, and of the remaining ones."""
+    """The names of the test cases that failed with each technique in one iteration, and of those that are left."""
 
     fuzzed: frozenset[str]
     forecast: frozenset[str]

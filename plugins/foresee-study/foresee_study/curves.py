@@ -1,4 +1,6 @@
-"""Curves of cumulative failures over time, with the runs of a campaign one after the other in their order."""
+"""Curves of cumulative failures over time, as if the runs of a campaign were done one after the other in their
+order.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,12 @@ from foresee_study.measured import Child, Measured, MeasuredClip
 from foresee_study.statistics.bootstrap import Interval, percentiles
 
 RESAMPLES = 1000
-"""Number of resamples of the test cases. Ours: each takes 0.1 ms."""
+"""Number of resamples of the test cases. Ours: each of them takes 0.1 ms."""
 SEED = 20_26
 
 
 class Clock(StrEnum):
-    """The kind of time that is counted."""
+    """The kind of time over which failures are counted."""
 
     SIMULATED = "simulated"
     WALL = "wall"
@@ -41,7 +43,9 @@ class Curve:
     end_s: float
 
     def area(self, end_s: float) -> float:
-        """Return the area under the curve up to a time, in collisions times seconds; after its end it is constant."""
+        """Return the area under the curve up to a time, in collisions times seconds; after its end the curve is
+        constant.
+        """
         return float(np.maximum(end_s - self.times_s, 0.0).sum())
 
     def at(self, time_s: float) -> int:
@@ -73,7 +77,7 @@ class _Parts:
         ends = np.cumsum(times * self.took_s)
         starts = ends - times * self.took_s
         whole = ends <= end_s
-        # The repetitions of a clip begin at its start, one duration later, and so on.
+        # The first repetition of a clip begins at its start, the second one clip's duration later, and so on.
         all_s = times * self.count * starts + self.count * self.took_s * times * (times - 1) / 2 + times * self.sum_s
         area = float((times * self.count * end_s - all_s)[whole].sum())
         for k in np.flatnonzero(~whole & (starts < end_s)):
@@ -129,7 +133,7 @@ class Areas:
 
     @property
     def ratio(self) -> float:
-        """The first area divided by the second; NaN if the second is 0."""
+        """Return the first area divided by the second; NaN if the second is 0."""
         return self.first / self.second if self.second else float("nan")
 
 

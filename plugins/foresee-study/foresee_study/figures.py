@@ -1,5 +1,7 @@
-"""Draws figures with matplotlib, as SVG and PDF: box plots, cumulative curves, heat maps; equal results, equal
-bytes."""
+"""Draws figures with matplotlib as SVG and PDF: box plots, cumulative curves, heat maps.
+
+Equal results give equal bytes.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,12 @@ _SETTINGS = MappingProxyType(
      "axes.spines.right": False, "figure.dpi": 100, "pdf.fonttype": 42}
 )  # fmt: skip
 FORMATS = MappingProxyType({".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None, "Producer": None}})
-"""Metadata that is left out of each format, so that a file does not depend on the time of writing."""
+"""The formats of figures, and the metadata that each leaves out, so that a file does not depend on the time of
+writing."""
 
 
 class NoFiguresError(ForeseeError):
-    """matplotlib is not installed."""
+    """Raised if matplotlib is not installed."""
 
 
 def write_figures(results: Results, folder: Path) -> tuple[str, ...]:
@@ -180,7 +183,7 @@ FIGURES: MappingProxyType[str, Callable[[Results], Figure | None]] = MappingProx
 CAPTIONS = MappingProxyType({
     "rq2_boxes": "Collisions by ranker, length of the clips and number of risky points. Points: repetitions. Boxes: "
                  "resampled test cases, whiskers at 2.5 and 97.5 %.",
-    "rq2_heat": "What a clip of foresee gives, by family and driver.",
+    "rq2_heat": "Collisions, findings and avoidable findings per clip of foresee, by family and driver.",
     "rq3_curves": "Cumulative collisions over the time of clips and children, means of the repetitions.",
 })  # fmt: skip
 

@@ -53,27 +53,27 @@ class StudyFolder:
 
     @property
     def store(self) -> Path:
-        """The store, unless `--store` names another one."""
+        """Return the store's folder, which is used unless `--store` names another one."""
         return self.at / "store"
 
     @property
     def tables(self) -> Path:
-        """Folder of the tables as Markdown, CSV and LaTeX."""
+        """Return the folder of the tables as Markdown, CSV and LaTeX."""
         return self.at / "tables"
 
     @property
     def figures(self) -> Path:
-        """Folder of the figures as SVG and PDF."""
+        """Return the folder of the figures as SVG and PDF."""
         return self.at / "figures"
 
     @property
     def page(self) -> Path:
-        """The page with all results."""
+        """Return the path of the page with all results."""
         return self.at / "results.md"
 
     @property
     def fuzzed(self) -> Path:
-        """Folder of DriveFuzz's results for rq4: a file for each driver, repetition and iteration."""
+        """Return the folder of DriveFuzz's results for rq4: a file for each driver, repetition and iteration."""
         return self.at / "fuzzed"
 
     @property
@@ -92,7 +92,7 @@ class StudyFolder:
         """
         files = sorted(self._measured.glob("*.json"))
         if not files:
-            raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
+            raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` begins one")
         return tuple(_load(file, "study campaign") for file in files)
 
     def keep_fuzzed(self, fuzzed: Fuzzed) -> None:
@@ -116,7 +116,7 @@ class StudyFolder:
         """
         file = self.at / "study.json"
         if not file.is_file():
-            raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
+            raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` begins one")
         try:
             data: dict[str, Any] = json.loads(read_outside(file, "results"))
             values = data["settings"]
@@ -125,7 +125,9 @@ class StudyFolder:
             costs = {name: Cost(**cost) for name, cost in data["asked"].items()}
             return Record(settings, costs, tuple(data["notes"]))
         except (ValueError, KeyError, TypeError) as err:
-            raise ForeseeError(f"{file} is not a study that this version reads ({err}): run the study again") from err
+            raise ForeseeError(
+                f"{file} is not a study that this version can read ({err}): run the study again"
+            ) from err
 
     def noted(self, settings: StudySettings, costs: dict[str, Cost], notes: tuple[str, ...]) -> Record:
         """Add the costs of these questions to `study.json`; return its content."""
@@ -156,7 +158,7 @@ def _load(file: Path, document: str) -> Any:  # noqa: ANN401 - Measured or Fuzze
         if (data.pop("schema", None), data.pop("document", None)) != (SCHEMA, document):
             raise ValueError("another kind of file")
         return _adapter(document).validate_python(data, strict=False)
-    except ValueError as err:  # pydantic's errors are some of these
+    except ValueError as err:  # some of pydantic's errors are such
         why = type(err).__name__
         raise ForeseeError(
             f"{file} cannot be read ({why}): run the study again; the results of its runs are in the store"

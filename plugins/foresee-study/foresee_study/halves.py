@@ -1,4 +1,6 @@
-"""Halves of the test cases, by a hash of their names: settings are chosen on the even one, reported on the odd one."""
+"""Halves of the test cases, by a hash of their names: settings are chosen on the even half, results are reported on the
+odd half.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from foresee_dsl.language.project.document import TestCase
 
 
 class Half(StrEnum):
-    """A half of the test cases, or all."""
+    """A half of the test cases, or all of them."""
 
     EVEN = "even"
     ODD = "odd"

@@ -1,7 +1,7 @@
 """Measurements of one campaign that a study stores: a few values for each run, small enough to copy between machines.
 
-The store has the complete results, but only for one version of the tool. These files stay readable, so that tables and
-figures can be made again later.
+The store has the complete results, but only for one version of the tool. The files of these measurements stay readable,
+so that tables and figures can be made again later.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from foresee_study.settings import EXHAUSTIVE
 
 
 class Counted(StrEnum):
-    """The kind of result that is counted: collisions, their different stories (findings), or avoidable findings."""
+    """What is counted: collisions, their different stories (findings), or avoidable findings."""
 
     COLLISIONS = "collisions"
     FINDINGS = "findings"
@@ -29,8 +29,8 @@ class Counted(StrEnum):
 AVOIDERS: Mapping[str, str] = MappingProxyType(
     {"d": "another driver", "b": "R157's driver", "a": "the anticipating driver"}
 )
-"""The judges that may avoid a failure, by letter: a reference driver that also passes the unmutated clip; UN R157's
-careful driver, which brakes; the anticipating driver."""
+"""The judges that may say that a failure is avoidable, by letter: a reference driver that also passes the unmutated
+clip; UN R157's careful driver, which brakes; the anticipating driver."""
 
 
 class Child(NamedTuple):
@@ -73,7 +73,7 @@ class MeasuredCase:
 
     @property
     def passed(self) -> bool:
-        """Whether it is usable: like the paper, the study leaves out test cases that fail unmutated."""
+        """Return whether the test case is usable: like the paper, the study leaves out those that fail unmutated."""
         return self.verdict is Verdict.PASS
 
     @property
@@ -83,7 +83,7 @@ class MeasuredCase:
 
     @property
     def fails(self) -> bool:
-        """Whether one of its mutants fails: collides, or is stuck."""
+        """Return whether one of the mutants fails: it collides or gets stuck."""
         return any(child.verdict.is_failure for child in self.children)
 
     def count(self, what: Counted) -> int:
@@ -100,7 +100,7 @@ class Measured:
     """One campaign of a study.
 
     Attributes:
-        group: the test cases: `bundled`, or the name of a town.
+        group: the group of test cases: `bundled`, or the name of a town.
         driver, ranker, preset, before_s, after_s, risky_points, children: as in the campaign's settings.
         repetition: from 0.
         seed: the campaign's seed.
@@ -136,12 +136,12 @@ class Measured:
 
     @property
     def clip_s(self) -> float:
-        """The length of its clips, s."""
+        """Return the length of the clips, s."""
         return self.before_s + self.after_s
 
     @cached_property
     def usable(self) -> tuple[MeasuredCase, ...]:
-        """The test cases that passed unmutated."""
+        """Return the test cases that passed unmutated."""
         return tuple(case for case in self.cases if case.passed)
 
     def first_points(self, count: int) -> Measured:
@@ -152,19 +152,19 @@ class Measured:
         return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
 
     def only(self, names: Iterable[str] | None = None, family: str | None = None) -> Measured:
-        """Return the campaign with some of its test cases only."""
+        """Return the campaign with only these test cases, or only those of a family."""
         wanted = None if names is None else frozenset(names)
         kept = (c for c in self.cases if (wanted is None or c.name in wanted) and family in (None, c.family))
         return replace(self, cases=tuple(kept))
 
     @property
     def clips(self) -> int:
-        """Number of its risky points."""
+        """Return the number of risky points."""
         return sum(len(case.clips) for case in self.usable)
 
     @property
     def children_run(self) -> tuple[Child, ...]:
-        """The mutants of all test cases."""
+        """Return the mutants of all test cases."""
         return tuple(child for case in self.usable for child in case.children)
 
     def count(self, what: Counted) -> int:
@@ -177,13 +177,14 @@ class Measured:
 
     @property
     def simulated_s(self) -> float:
-        """Simulated time of clips and mutants, s; without the test cases' own runs, which are the same for every
-        ranker."""
+        """Return the simulated time of clips and mutants, s, without the unmutated test cases, which are the same for
+        each ranker.
+        """
         return sum(run.simulated_s for run in self._derived)
 
     @property
     def wall_s(self) -> float:
-        """Wall time of clips and mutants on one core, s."""
+        """Return the wall time of clips and mutants on one core, s."""
         return sum(run.wall_s for run in self._derived)
 
     @property

@@ -20,7 +20,7 @@ def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
     wall_s = {(node.step.kind, node.step.name): row.wall_s for node, row in stages.walk() if row is not None}
     names = {node.case.id: node.step.name for node in stages.seeds}
     clips: dict[str, list[ClipOutcome]] = {}
-    for clip in result.clips:  # by test case and rank
+    for clip in result.clips:  # sorted by test case and rank
         clips.setdefault(clip.seed, []).append(clip)
     cases = (
         MeasuredCase(

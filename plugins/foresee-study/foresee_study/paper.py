@@ -1,4 +1,4 @@
-"""The paper's own figures, each with its section, and how ours is computed from a study.
+"""The paper's figures, each with its section, and the functions that compute ours from a study.
 
 The paper's two drivers have stand-ins here: `fusion_safe` for InterFuser, `fusion` for TransFuser.
 """
@@ -157,8 +157,11 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 
 def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
-    """Return a function that computes how many more collisions per hour foresee finds than the exhaustive search, %,
-    over the drivers that were searched. All repetitions count: a rate does not need equal numbers of them."""
+    """Return a function that computes how many more collisions per hour foresee finds than the exhaustive search, %.
+
+    It counts the drivers with which the search was done. All repetitions count, because a rate does not need equal
+    numbers of them.
+    """
 
     def ours(results: Results, driver: str) -> Ours | None:
         everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
@@ -190,7 +193,7 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 
 def of_drivefuzz(results: Results, driver: str) -> Ours | None:
-    """Return a function that computes foresee's additional failing test cases, % of DriveFuzz's failing test cases."""
+    """Return how many further failing test cases foresee finds, % of DriveFuzz's failing test cases."""
     both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
     ours: dict[str, float] = {}
     theirs: dict[str, float] = {}
@@ -202,8 +205,9 @@ def of_drivefuzz(results: Results, driver: str) -> Ours | None:
 
 
 def children_of_drivefuzz(results: Results, driver: str) -> Ours | None:
-    """Return a function that computes foresee's failing mutants of test cases in which DriveFuzz found no failure, % of
-    DriveFuzz's failing test cases."""
+    """Return foresee's failing mutants in test cases in which DriveFuzz found no failure, % of DriveFuzz's failing test
+    cases.
+    """
     both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
     ours: dict[str, float] = {}
     theirs: dict[str, float] = {}
@@ -270,7 +274,8 @@ FIGURES = (
     PaperFigure("rq5", "clips that collide in heavy weather", Unit.SHARE, "4.5, RQ5, table 6",
                 _both(100 * 36 / 539, 100 * 10 / 237, 100 * 46 / 776), weather_collisions),
 )  # fmt: skip
-"""The paper's headline figures. Its areas are in collisions times seconds of its own clock; only ratios compare."""
+"""The paper's headline figures. Its areas are in collisions times seconds of its own clock, so only ratios can be
+compared."""
 A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
     ("fusion_safe", "foresee"): 93.66 / 1116, ("fusion_safe", "random"): 32.67 / 1116,
     ("fusion_safe", "selforacle"): 65.00 / 1116, ("fusion", "foresee"): 28.33 / 695, ("fusion", "random"): 20.67 / 695,
@@ -287,8 +292,10 @@ def a_child_of_paper(driver: str, ranker: str) -> float | None:
 
 
 def children_colliding(results: Results, driver: str, ranker: str) -> tuple[float, float] | None:
-    """Return the shares of foresee's and of another ranker's mutants that collide, with clips of the chosen length,
-    over the drivers and repetitions that both have; None if one of the two has no mutant."""
+    """Return the shares of foresee's and of another ranker's mutants that collide, with clips of the chosen length.
+
+    It counts the drivers and repetitions that both have; None if one of the two has no mutant.
+    """
     shares = []
     for pairs in _in_common(results, driver, ranker, CHOSEN_S):
         children = sum(len(m.children_run) for m in pairs)

@@ -22,7 +22,7 @@ class Planned:
 
     Attributes:
         campaigns: number of its campaigns.
-        done, to_run: number of stored runs, and of missing ones that are known already.
+        done, to_run: number of stored runs, and of missing runs that are certain.
         at_most_more: maximum number of runs that may follow from these.
         longest_s: maximum time of all missing runs on one core, s.
     """
@@ -60,7 +60,9 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
             stages = Stages(cases[campaign.group], campaign.campaign(), store, Path())
             each_s = store.mean_wall_s(campaign.driver) if store is not None else {}
             for node, row in stages.walk():
-                if row is None:  # what follows from a run may be another campaign's as well, but not from its forecast
+                # The runs that follow may belong to another campaign as well, but not those that follow from its
+                # forecast.
+                if row is None:
                     clips, children = _following(node, campaign)
                     counts["more"] += clips + children
                     seconds += clips * each_s.get("clip", _CLIP_S) + children * each_s.get("child", _CHILD_S)
@@ -77,7 +79,7 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
 
 
 def _following(node: StepNode, wanted: Wanted) -> tuple[int, int]:
-    """Return the maximum number of clips and of mutants that follow from a step without a result."""
+    """Return the maximum number of clips and of mutants that may follow from a step without a result."""
     points = min(wanted.risky_points, _USUAL_POINTS)
     match node.step.kind:
         case "seed" | "forecast":
@@ -89,14 +91,15 @@ def _following(node: StepNode, wanted: Wanted) -> tuple[int, int]:
 
 
 _USUAL_POINTS = 45
-"""Maximum number of clips of a test case in the exhaustive search (paper, section 4.3: 45 of a run of 48 s)."""
+"""Maximum number of clips of a test case in the exhaustive search: the paper's 45 for a run of 48 s (section 4.3)."""
 _CLIP_S, _CHILD_S = 0.3, 0.12
-"""Wall time of a clip and of a mutant, for a store that has none yet, s (ours: the bundled scenarios with `pdm`)."""
+"""Wall time of a clip and of a mutant that are assumed until the store has some, s. Ours: the bundled scenarios with
+`pdm`."""
 _FUZZED_S = 0.7
-"""Wall time of a fuzzed test case, s (ours: the bundled scenarios with `pdm`)."""
+"""Wall time of a fuzzed test case that is assumed, s. Ours: the bundled scenarios with `pdm`."""
 
 
 def _fuzzing(settings: StudySettings, cases: int) -> int:
-    """Return the maximum number of DriveFuzz's runs in two iterations: that without any failure."""
+    """Return the maximum number of DriveFuzz's runs in two iterations, which is the number without any failure."""
     each = cases * settings.fuzz_cycles * settings.fuzz_mutations
     return 2 * each * len(settings.drivers) * min(settings.fuzz_repetitions, settings.repetitions)

@@ -10,11 +10,11 @@ from types import MappingProxyType
 from foresee_study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, StudySettings, Wanted
 
 CLIPS_S = (6.0, 10.0)
-"""Paper, section 4.4: o_b = o_a of 3 s and of 5 s."""
+"""Lengths of clips, s: the paper's o_b = o_a of 3 s and of 5 s (section 4.4)."""
 CHOSEN_S = 10.0
-"""The length of clips of the best configuration (section 4.5, RQ1)."""
+"""Length of clips in the paper's best configuration, s (section 4.5, RQ1)."""
 POINTS = (1, 2, 4)
-"""n_rp (section 4.4)."""
+"""Numbers of risky points, the paper's n_rp (section 4.4)."""
 HEAVY_WEATHER = "heavy_weather"
 """The preset that changes the weather and nothing else (section 4.4, RQ5)."""
 
@@ -55,8 +55,8 @@ def campaigns(
 def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
     """Yield the searches of every second of the test cases.
 
-    Their failures are many and similar. Only reference drivers that the study names drive them, as that takes most of
-    the time.
+    Their failures are many and similar. Only reference drivers that the study names drive these failures, because that
+    takes most of the time.
     """
     searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
                          repetitions=settings.exhaustive_repetitions)  # fmt: skip
@@ -99,7 +99,7 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
         q.name: q
         for q in (
             Question("rq1", "Effectiveness",
-                     "How many failures do near misses give, by length of the clips and number of risky points, and "
+                     "How many failures come from near misses, by length of the clips and number of risky points, and "
                      "what share of an exhaustive search is that?", _effectiveness),
             Question("rq2", "Comparison",
                      "Does forecasting find more failures than random points, SelfOracle's alarms, or mere proximity?",

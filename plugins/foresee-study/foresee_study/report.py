@@ -28,7 +28,7 @@ from foresee_study.tables.table import Table
 TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
     {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency, "rq4": complementarity, "rq5": generality}
 )
-"""The function that makes each question's tables."""
+"""For each question, the function that makes its tables."""
 
 
 def tables_of(name: str, results: Results) -> tuple[Table, ...]:
@@ -61,9 +61,9 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
     """
     results = Results.of(folder, half)
     if not any(measured.cases for measured in results.campaigns):
-        where = "" if results.half is Half.ALL else f" of the {results.half} half: name another --half"
+        where = "" if results.half is Half.ALL else f"  of the {results.half} half: choose another --half"
         raise ForeseeError(f"the study in {folder.at} has run no test case{where}")
-    questions = folder.read().asked or TABLES  # where none was answered to the end, all that there is
+    questions = folder.read().asked or TABLES  # if no question was answered completely, all results so far
     tables = {name: own for name in TABLES if name in questions and (own := tables_of(name, results))}
     for own in tables.values():
         write_tables(own, folder)

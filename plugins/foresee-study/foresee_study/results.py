@@ -84,7 +84,7 @@ class Results:
     ) -> tuple[Measured, ...]:
         """Return a campaign's repetitions, with at most `points` risky points, of one family or of all.
 
-        `preset`: by default the study's. `second`: those of rq4's second iteration.
+        `preset`: by default the study's. `second`: whether to return those of rq4's second iteration.
         """
         campaigns = (
             m.only(family=family) if ranker == EXHAUSTIVE else m.only(family=family).first_points(points)
@@ -128,8 +128,10 @@ def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[
 
 
 def _of_half(measured: Measured, half: Half) -> Measured:
-    """Return the part of a campaign that lies in a half. Test cases of other towns belong to both halves, as no setting
-    was chosen on them."""
+    """Return the part of a campaign that lies in a half.
+
+    Test cases of other towns belong to both halves, because no setting was chosen on them.
+    """
     if half is Half.ALL or measured.group != BUNDLED:
         return measured
     return replace(measured, cases=tuple(case for case in measured.cases if case.half is half))

@@ -48,7 +48,7 @@ class StudyRun:
 
 
 def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
-    """Return the settings without the drivers and rankers that are not installed, and notes on the ones left out.
+    """Return the settings without the drivers and rankers that are not installed, and a note on each that is left out.
 
     Raises:
         ForeseeError: no driver, or no ranker, is left.
@@ -72,7 +72,7 @@ def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
 
 
 def watched(wanted: Iterable[Wanted]) -> tuple[tuple[Wanted, ...], tuple[str, ...]]:
-    """Return the campaigns whose ranker has weights for their driver, and notes on the pairs left out."""
+    """Return the campaigns whose ranker has weights for their driver, and a note on each pair that is left out."""
     kept, notes = [], {}
     for campaign in wanted:
         ranker = load_ranker(campaign.ranker)
@@ -137,7 +137,7 @@ class _Run:
         self.broken: list[str] = []
 
     def answered(self, name: str) -> bool:
-        """Run the campaigns of a question; return whether all were completed."""
+        """Run the campaigns of a question; return whether all of them were completed."""
         started = time.monotonic()
         wanted, _ = watched(wanted_by([name], self._settings))
         for k, campaign in enumerate(wanted):
@@ -151,7 +151,7 @@ class _Run:
         return True
 
     def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:
-        """Run a campaign and keep its measurements; None if it was stopped. Equal campaigns are run once."""
+        """Run a campaign and keep its measurements; None if it was stopped. Equal campaigns are run only once."""
         if wanted in self._done:
             return self._done[wanted]
         self._say(f"{place}: {wanted.driver}, {wanted.ranker}, clips of {wanted.clip_s:g} s, seed {wanted.seed}, "

@@ -17,13 +17,14 @@ DRIVERS = ("fusion_safe", "fusion", "pdm", "frenetix")
 """Drivers of a study. Ours: the two learned drivers stand for the paper's two; the two planners are additional."""
 RANKERS = ("foresee", "random", "selforacle", "proximity", "careful")
 REPETITIONS = 3
-"""Paper, section 4.4."""
+"""Number of repetitions (paper, section 4.4)."""
 EXHAUSTIVE = "exhaustive"
 EVERY_POINT = 1000
-"""Number of risky points for `exhaustive`: more than any test case has."""
+"""Number of risky points that stands for all of them, for `exhaustive`: more than any test case has."""
 POINTS = 4
 CHILDREN = 4
-"""n_rp and c of the paper's best configuration (section 4.5, RQ1)."""
+"""Number of risky points and of mutants per clip, the paper's n_rp and c, in its best configuration (section 4.5,
+RQ1)."""
 SECOND_ITERATION = 1000
 """Difference between the seeds of rq4's two iterations. Ours: large enough that no seed is used twice."""
 
@@ -33,7 +34,7 @@ class StudySettings:
     """Settings of a study.
 
     Attributes:
-        drivers, rankers: those under test.
+        drivers, rankers: the drivers and rankers under test.
         half: the half of the test cases.
         first: maximum number of test cases; None: all.
         repetitions: number of repetitions, each with its own seed.
@@ -65,7 +66,7 @@ class StudySettings:
 
     @property
     def searched(self) -> tuple[str, ...]:
-        """The drivers for the exhaustive search."""
+        """Return the drivers with which the exhaustive search is done."""
         return self.drivers[: self.exhaustive_drivers]
 
 
@@ -93,12 +94,12 @@ class Wanted:
 
     @property
     def name(self) -> str:
-        """The name of its file."""
+        """Return the name of the campaign's file."""
         parts = (self.group, self.driver, self.ranker, f"{self.clip_s:g}s", self.preset, f"seed{self.seed}")
         return re.sub(r"[^\w.+-]+", "_", "-".join(parts))
 
     def campaign(self) -> CampaignSettings:
-        """Return its settings; the driver is created once to read its hand-over time.
+        """Return the settings of the campaign; the driver is created once to read its hand-over time.
 
         Raises:
             ForeseeError: there is no such driver.
@@ -115,8 +116,8 @@ class Wanted:
             seed=self.seed,
             handover_s=handover_of(load_driver(self.driver), max(half_s - DRIVES_S, 0.0)),
             against=self._references,
-            rules=RulesMode.OFF,  # the paper's failures are F1 to F5 and an ego that does not move on
-            allocation="even",  # the clips of fewer risky points are then a part of those of more
+            rules=RulesMode.OFF,  # the paper counts F1 to F5 and an ego that does not drive on as failures
+            allocation="even",  # so that the clips of fewer risky points are a part of those of more
         )
 
     @property

@@ -166,7 +166,7 @@ def test_keys_name_the_weights_that_watch_the_driver(monkeypatch, tmp_path):
     (tmp_path / "selforacle_pdm.json").write_text('{"threshold": 1.0}')
     monkeypatch.setenv("FORESEE_WEIGHTS", str(tmp_path))
     assert ranker_identity("selforacle", "pdm") != usual
-    with pytest.raises(ForeseeError, match="no weights that watch the driver 'idm'"):
+    with pytest.raises(ForeseeError, match="no weights for the driver 'idm'"):
         ranker_identity("selforacle", "idm")
 
 

@@ -6,7 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no parsing: that is safe_xml's
+
+# Only to build elements; `safe_xml` parses files.
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import Scene, SumoBundle
@@ -48,9 +50,9 @@ def run(
         InputError, CompileError: a test case has errors.
     """
     if out.suffix != ".xml":
-        raise ExchangeError(f"{out} is not a name for a route file: it must end in .xml")
+        raise ExchangeError(f"{out} cannot be the name of a route file: it must end in .xml")
     if route_format not in ROUTE_FORMATS:
-        raise ExchangeError(f"there is no format {route_format}: name {' or '.join(ROUTE_FORMATS)}")
+        raise ExchangeError(f"there is no format {route_format}: write {' or '.join(ROUTE_FORMATS)}")
     project = Project(allow_outside=allow_outside)
     left_out: Counter[str] = Counter()
     routes = Element("routes")
@@ -108,7 +110,9 @@ def _weather(scene: Scene) -> dict[str, float]:
 
 def _town(case: TestCase) -> str:
     if not isinstance(case.network, Path):
-        raise ExchangeError(f"the network of {case.id} is not a file of a CARLA map: name the map with --town")
+        raise ExchangeError(
+            f"the network of {case.id} is not a file of a CARLA map: give the name of the map with --town"
+        )
     return case.network.name.partition(".")[0]
 
 
@@ -118,7 +122,7 @@ def _waypoints(bundle: SumoBundle) -> tuple[tuple[float, float, float], tuple[fl
     ego, line = scene.ego, scene.ego.line
     if line is None:
         raise ExchangeError(f"the ego of {bundle.name} has no route")
-    back = ego.model.length_m / 2  # we place a vehicle by its front, CARLA by its centre
+    back = ego.model.length_m / 2  # our statement places a vehicle by its front, CARLA's by its centre
     ox, oy = offset_of(parse_net(bundle.net_file))
     start = ego.x - back * math.cos(ego.heading_rad) - ox, ego.y - back * math.sin(ego.heading_rad) - oy
     goal_x, goal_y, goal_heading = line.at(scene.goal_s)
@@ -126,8 +130,9 @@ def _waypoints(bundle: SumoBundle) -> tuple[tuple[float, float, float], tuple[fl
 
 
 def _waypoint(x: float, y: float, heading_rad: float) -> dict[str, str]:
-    """Return a route point's attributes for CARLA, which is left-handed: y points south, yaw turns clockwise,
-    degrees."""
+    """Return the attributes of a route point for CARLA, whose world is left-handed: y points south, and yaw turns
+    clockwise, in degrees.
+    """
     yaw = math.degrees(math.remainder(-heading_rad, math.tau))
     values = {"x": x, "y": -y, "z": 0.0, "pitch": 0.0, "roll": 0.0, "yaw": yaw}
     return {name: f"{round(value, _DIGITS) + 0.0:.{_DIGITS}f}" for name, value in values.items()}

@@ -30,7 +30,8 @@ _FAMILY = re.compile(r"[Ss]cenario_?(\d{1,3})(?!\d)")
 _LEVEL_DEG = 0.5
 """Pitch and roll up to this value, in degrees, count as level (ours: rounding in CARLA's recorder)."""
 _LEVEL_M = 0.5
-"""If no place of a file is higher than this, m, its heights are ignored: CARLA's older route files have 0 (ours)."""
+"""If no place of a file is higher than this, m, its heights are ignored, because CARLA's older route files have 0
+everywhere (ours)."""
 _DENSE_M = 15.0
 """A place without a yaw gets the direction to the next place up to this distance, m (ours: no corner in between)."""
 _NAMES = {
@@ -40,7 +41,7 @@ _NAMES = {
     "8": ("SignalizedJunctionLeftTurn", "NonSignalizedJunctionLeftTurn"),
     "9": ("SignalizedJunctionRightTurn", "NonSignalizedJunctionRightTurn"),
 }
-"""Names of the families in leaderboard 2.0 (classes of scenario_runner; their assignment to families is ours)."""
+"""Names of the families in leaderboard 2.0: classes of scenario_runner, which we have assigned to families."""
 _FAMILY_OF = {name: family for family, names in _NAMES.items() for name in names}
 
 
@@ -78,7 +79,7 @@ class CarlaRoute:
 
     @property
     def key(self) -> str:
-        """Name of the route in messages."""
+        """Return the name of the route in messages."""
         return f"route {self.id} of {self.file.name}"
 
 
@@ -112,7 +113,7 @@ def read_routes(path: Path, left_out: Counter[str]) -> tuple[CarlaRoute, ...]:
             continue
         routes.append(_route(element, name, _directed(places), path, order, left_out))
     if not routes:
-        raise ExchangeError(short[0] if short else f"{path} holds no routes")
+        raise ExchangeError(short[0] if short else f"{path} contains no routes")
     if short:
         left_out["routes with less than two waypoints"] += len(short)
     twice = [name for (_, name), count in Counter((r.town, r.id) for r in routes).items() if count > 1]
@@ -201,7 +202,7 @@ def read_vtypes(path: Path) -> tuple[dict[str, str], ...]:
     """Return the attributes of the vehicle types in a SUMO file, in its order; errors as in `read_routes`."""
     types = tuple(dict(element.attrib) for element in parse_xml(path, "routes", "a SUMO file of types").iter("vType"))
     if not types:
-        raise ExchangeError(f"{path} holds no vType")
+        raise ExchangeError(f"{path} contains no vType")
     return types
 
 
@@ -228,7 +229,10 @@ def town_in(text: str) -> str:
 
 
 def _waypoint(path: Path, route: str, element: Element, *, high: bool) -> Pose:
-    """Return a place; in newer files the yaw may be missing, then the lane gives it. `high`: heights are meaningful."""
+    """Return a place. In newer files the yaw may be missing; the lane then gives the direction.
+
+    `high`: whether heights are meaningful.
+    """
     try:
         x, y = (float(element.attrib[key]) for key in ("x", "y"))
         yaw = float(element.get("yaw", "nan"))
@@ -279,7 +283,7 @@ def _json(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as err:
         raise ExchangeError(f"{path} is not a CARLA trigger file: {err}") from err
     if not isinstance(data, dict):
-        raise ExchangeError(f"{path} is not a CARLA trigger file: it holds no object")
+        raise ExchangeError(f"{path} is not a CARLA trigger file: its content is not an object")
     return data
 
 

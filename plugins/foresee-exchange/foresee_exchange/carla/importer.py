@@ -36,13 +36,13 @@ from foresee_exchange.maps.opendrive import left_out_of, notes_on
 from foresee_exchange.naming import distinct_name, file_name
 
 MOST_LOST = 0.5
-"""If more than this share of the routes is not on the map, the map is of another town (ours)."""
+"""If more than this share of the routes is not on the map, the map is taken to be that of another town (ours)."""
 _LEAST_WAY_M = 1.0
 
 
 @dataclass
 class Town:
-    """A map, and the report on the import so far."""
+    """A map with the files that are imported, and the report on the import so far."""
 
     network: RoadNetwork
     signals: Mapping[str, Signal]
@@ -54,12 +54,12 @@ class Town:
 
     @cached_property
     def bridges(self) -> tuple[XY, ...]:
-        """Places where a road goes over another, m."""
+        """Return the places where a road goes over another, m."""
         return tuple((bridge.x, bridge.y) for bridge in bridges(self.network, self.heights))
 
     @cached_property
     def has_sidewalks(self) -> bool:
-        """Whether the map has a sidewalk anywhere."""
+        """Return whether the map has a sidewalk anywhere."""
         return any(lane.kinds == {"pedestrian"} and not lane.internal for lane in self.network.lanes.values())
 
 
@@ -99,13 +99,15 @@ def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Tr
         elif placed.finish_m <= _LEAST_WAY_M:
             lost.append(f"{route.key}: its end is at its start")
         elif placed_route.turns_back(placed):
-            broken.append(f"{route.key}: it uses lanes of the map that run backwards")
+            broken.append(f"{route.key}: it uses lanes that have the wrong direction in the map")
         elif (off := placed_route.strays(town.network, placed))[0] > 0:
             broken.append(f"{route.key}: it leaves the road at ({off[1]:.0f} m, {off[2]:.0f} m) by {off[0]:.1f} m")
         else:
             drivable.append(placed)
     if len(lost) > MOST_LOST * len(routes):
-        raise ExchangeError(f"{len(lost)} of {len(routes)} routes are not on this map; is it another town's? {lost[0]}")
+        raise ExchangeError(
+            f"{len(lost)} of {len(routes)} routes are not on this map, which may be that of another town: {lost[0]}"
+        )
     town.left_out["routes that are not on the map"] += len(lost)
     town.left_out["routes that cannot be driven on this map"] += len(broken)
     town.notes += lost + broken
@@ -123,7 +125,7 @@ def _placed(town: Town, route: CarlaRoute, triggers: Sequence[Trigger], of_famil
 
 
 def _place(trigger: Trigger) -> tuple[str, int, int]:
-    """Return a trigger's family and place, rounded to metres, as CARLA's files repeat some triggers."""
+    """Return the family and the place of a trigger, rounded to metres, because CARLA's files repeat some triggers."""
     return trigger.family, round(trigger.pose.x), round(trigger.pose.y)
 
 
@@ -133,16 +135,16 @@ def _report_places(town: Town, placed: Sequence[PlacedRoute], triggers: Sequence
     elsewhere = [t for t in triggers if t.town and towns and t.town not in towns]
     town.left_out.update(f"triggers in {trigger.town}" for trigger in elsewhere)
     unused = sum(_place(t) not in used for t in triggers if t not in elsewhere)
-    town.left_out["triggers that no case uses (each stages one)"] += unused
+    town.left_out["triggers that no case uses (a case uses one)"] += unused
     moved = [route.start_off_m for route in placed if route.start_off_m > placed_route.MISSED_M]
     if moved:
         town.notes.append(
-            f"routes that start beside CARLA's place (at most {max(moved):.1f} m): {len(moved)}; their map was another"
+            f"routes that start beside CARLA's place (at most {max(moved):.1f} m), made for another map: {len(moved)}"
         )
     without = sum(route.trigger is None for route in placed)
     if without and triggers:
         town.notes.append(
-            f"routes without a trigger within 5 m, where what happens is placed from the start: {without}"
+            f"routes without a trigger within 5 m, whose behaviour is therefore placed from the start: {without}"
         )
     town.left_out["goals beside the lane that the ego comes on (the goal is a length along its route)"] += sum(
         math.dist(route.line.at(route.goal_s)[:2], (route.route.end.x, route.route.end.y)) > placed_route.BESIDE_GOAL_M
@@ -177,7 +179,7 @@ def run(
         InputError: the written files have errors (our own fault).
     """
     if not route_files:
-        raise ExchangeError("there are no route files: name at least one")
+        raise ExchangeError("there are no route files: give at least one")
     left_out: Counter[str] = Counter()
     routes = [route for file in route_files for route in files.read_routes(file, left_out)]
     triggers = [trigger for file in trigger_files for trigger in files.read_triggers(file, left_out)]
@@ -189,7 +191,9 @@ def run(
         town = _town(net, catalogue, left_out)
         written = _scenario_files(town, place_routes(town, routes, triggers), net.name, catalogue)
         if not written:
-            raise ExchangeError("no route could be imported: " + (town.notes[0] if town.notes else "there is none"))
+            raise ExchangeError(
+                "no route could be imported: " + (town.notes[0] if town.notes else "the files contain none")
+            )
         if catalogue is not None:
             write_text(folder / scenario_files.CATALOGUE, catalogue)
             town.taken["blueprints"] += len(scenario_files.vehicles_of(catalogue))
@@ -211,10 +215,11 @@ def _put_network(map_file: Path, folder: Path) -> Path:
     if map_file.name.endswith(".net.xml"):
         prepare_net(map_file, copy)
     elif map_file.suffix == ".xodr":
-        parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")  # reports errors before the file is copied
+        # Errors in the map must be reported before the file is copied.
+        parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")
         shutil.copyfile(map_file, copy)
     else:
-        raise ExchangeError(f"{map_file} is not a map: its name must end in .xodr or .net.xml")
+        raise ExchangeError(f"{map_file} cannot be a map: its name must end in .xodr or .net.xml")
     return copy
 
 
@@ -239,7 +244,7 @@ def prepare_net(source: Path, out: Path) -> None:
         close_parking(net)
         repair_overlaps(net)
         give_programs(net)
-        fix_times(net)  # of joint signals, which keep their programs
+        fix_times(net)  # signals for several junctions, which keep their programs
         write_net(net, out)
 
 
@@ -284,9 +289,9 @@ def _report_families(town: Town, cases: Sequence[Case]) -> None:
     for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
         town.taken[f"routes of family {family}" if family else "routes without a family"] += number
         if family not in STAGED:
-            town.left_out[f"behaviour of Scenario{family or '?'}, which is unknown to us"] += number
+            town.left_out[f"behaviour of Scenario{family or '?'}, which this tool does not know"] += number
     unstaged = sum(case.variant == "open" and case.family in STAGED for case in cases)
-    town.left_out["routes on which there is no place for their family's behaviour"] += unstaged
+    town.left_out["routes that have no place for their family's behaviour"] += unstaged
     bridged = sum(case.bridge for case in cases)
     town.left_out["routes over or under another road (the world is flat: they have no traffic)"] += bridged
     if not town.has_sidewalks:

@@ -1,4 +1,6 @@
-"""The vehicle that the ego meets in a junction: a movement that suits the family, and the road before and after it."""
+"""The vehicle that the ego meets in a junction: a movement that suits the family of the scenario, and the road before
+and after it.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,12 @@ from foresee_dsl.compile.roads.topology import Movement
 from foresee_exchange.carla.ways import through_of
 
 APPROACH_M = 80.0
-"""Length of road before the junction for the other vehicle, m, if there is as much (ours: 6 s at 50 km/h)."""
+"""Length of road before the junction for the other vehicle, m, if the road is that long (ours: 6 s at 50 km/h)."""
 BEYOND_M = 30.0
 """Length of road after the junction, m (ours: the vehicle should not vanish in the ego's view)."""
 LEAST_M = 12.0
-"""With less road before the junction, m, the vehicle cannot gain speed (ours: two and a half car lengths)."""
+"""If the road before the junction is shorter than this, m, the vehicle cannot gain speed (ours: two and a half car
+lengths)."""
 _MOST_EDGES = 12
 
 
@@ -63,7 +66,7 @@ def _rank(network: RoadNetwork, own: Movement, other: Movement, family: str) -> 
     straight = other.turn != "straight"
     if family == "8":
         return (straight, round(math.pi - abs(angle), 1))
-    from_left = round(abs(wrap(angle + math.pi / 2)), 1)  # it drives to the right of the ego's direction
+    from_left = round(abs(wrap(angle + math.pi / 2)), 1)  # the vehicle drives to the right of the ego's direction
     if family == "9":
         return (other.to_edge != own.to_edge, straight, from_left)
     return (straight, round(abs(abs(angle) - math.pi / 2), 1), from_left)

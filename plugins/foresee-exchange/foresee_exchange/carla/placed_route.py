@@ -71,7 +71,7 @@ class PlacedRoute:
 
     @property
     def goal_s(self) -> float:
-        """Position of the goal on the line, m."""
+        """Return the position of the goal on the line, m."""
         return self.s + self.finish_m
 
 
@@ -130,7 +130,7 @@ def _placed(
 ) -> tuple[PlacedRoute, float]:
     """Return a route on some edges, all of them named and without its trigger, and the distance of its line from the
     goal, m."""
-    half_m = spec.length_m / 2  # CARLA places a vehicle by its centre, we by its front
+    half_m = spec.length_m / 2  # CARLA places a vehicle by its centre, our statement by its front
     begin, beside = _front_on(network.line(edges), route.start, half_m)
     beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
     offset = m.Quantity.of(beside, "length", 2) if beside else None
@@ -146,7 +146,7 @@ def _placed(
         named=edges,
         begin_m=round(begin, 2),
         beside_m=beside,
-        finish_m=math.floor((goal_s - start.s) * 100) / 100,  # rounding must not move the goal past the end
+        finish_m=math.floor((goal_s - start.s) * 100) / 100,  # rounding must not move the goal beyond the end
         start_off_m=math.hypot(x - route.start.x, y - route.start.y),
         line=start.line,
         s=start.s,

@@ -35,7 +35,7 @@ _SUMO_CLASSES = {
     "pedestrian": ("pedestrian",),
 }
 _CLASSES = {sumo: ours for ours, classes in _SUMO_CLASSES.items() for sumo in classes}
-"""Our class of each SUMO vehicle class."""
+"""The class of our models for each vehicle class of SUMO."""
 _EGO = ("car.lincoln_mkz2017", "car.lincoln_mkz", "car.tesla_model3", "car.sedan")
 """Models of the ego by preference: CARLA's leaderboard uses a Lincoln MKZ (route_scenario.py)."""
 _MIXED = (
@@ -158,7 +158,7 @@ def _rendered(file: ScenarioFile) -> str:
     names = dict.fromkeys(name for file_case in file.cases for name in file_case.values)
     if all(
         file_case.values["beside"] == _NO_LENGTH for file_case in file.cases
-    ):  # in most files every start is on the middle of its lane
+    ):  # in most files every start is in the middle of its lane
         del names["beside"]
     defaults = {name: common(file.cases, name) for name in names}
     family = f"scenario{case.family}" if case.family else "routes"

@@ -24,8 +24,9 @@ from foresee_exchange.carla.placed_route import PlacedRoute, kerbs, passages_of
 STAGED = ("3", "4", "7", "8", "9")
 """The families whose behaviour is modelled."""
 Variant = Literal["", "walker", "crossing", "open"]
-"""Kind of behaviour: the family's (empty); for 7 to 9, if no movement conflicts with the ego's, a pedestrian that
-crosses behind the junction; for 4, if there is no room behind the junction, that of family 3; or none (open)."""
+"""Kinds of behaviour on a route. "": that of the family. `walker`, for 7 to 9: a pedestrian crosses behind the
+junction, because no movement conflicts with the ego's. `crossing`, for 4: the behaviour of family 3, because there is
+no room behind the junction. `open`: none."""
 
 AHEAD_M = 12.0
 """Distance of a crossing pedestrian behind the trigger, m: the default `distance` of CARLA's DynamicObjectCrossing
@@ -33,7 +34,7 @@ AHEAD_M = 12.0
 PACE_MPS = 8.0
 """Assumed mean speed of the ego before a junction (ours: 29 km/h), to estimate when it arrives."""
 LEAST_S, SLOW_MPS, RED_S = 90, 4.0, 45.0
-"""Time limit of a run: at least 90 s; otherwise the time at 14 km/h plus two red lights (ours: a slower ego is
+"""Time limit of a run, s: at least 90 s; otherwise the time at 14 km/h and two red lights (ours: a slower ego is
 stuck)."""
 _NEAREST_M = 22.0
 """Least distance from the start to a crossing: 25 km/h, a reaction of 1 s and braking at 4 m/s^2 need 13 m (ours)."""
@@ -44,7 +45,8 @@ _LEAST_ROOM_M = 8.0
 """Room behind a junction for an obstacle and a crossing, m (ours)."""
 _HALF_LANE_M = 1.75
 _GREEN_AHEAD_S = 6.0
-"""Green begins this long before the ego is expected, if possible (ours: the ego need not brake for amber)."""
+"""Time by which green begins before the ego is expected, s, if possible (ours: the ego then need not brake for
+amber)."""
 
 _WALKERS = (
     ("pedestrian.adult", "1.4 m/s"),
@@ -59,7 +61,8 @@ _OTHER_SPEEDS = (45, 50, 40, 55, 48)
 _GAPS = {"7": ("0.2 s", "0.6 s", "0.0 s", "0.9 s"), "8": ("0.5 s", "1.2 s", "2.0 s", "0.2 s")}
 _GAPS["9"] = ("0.8 s", "1.4 s", "0.4 s", "2.2 s")
 _START_SPEEDS = (30, 25, 36)
-"""In km/h; a start inside a junction has 20 km/h: 36 km/h in a bend of 8 m would be 12 m/s^2 sideways."""
+"""Speeds at the start, km/h. A start inside a junction has 20 km/h, because 36 km/h in a bend of 8 m would be 12 m/s^2
+sideways."""
 _COVERS = ("obstacle.parked_van", "obstacle.parked_suv", "obstacle.parked_van", "obstacle.parked_truck")
 _PARKED = ("obstacle.parked_car", "obstacle.skip", "obstacle.parked_van", "obstacle.barrier", "obstacle.parked_suv")
 _CYCLISTS = (("bicycle.city", 13), ("bicycle.racing", 20), ("bicycle.cargo", 11), ("bicycle.child", 9))
@@ -97,7 +100,7 @@ def declared(name: str, default: str) -> str:
 
 
 def is_of_route(name: str) -> bool:
-    """Return whether a parameter concerns the ego's route, and not the behaviour on it."""
+    """Return whether a parameter concerns the ego's route, not the behaviour on it."""
     return name in _ROUTE_PARAMS or name.startswith("through")
 
 
@@ -108,8 +111,8 @@ class Case:
     Attributes:
         family: such as `3`. variant: kind of behaviour.
         values: the values of all parameters of its file.
-        bridge: its route goes over or under another road; the world is flat, so it gets no background traffic.
-        walkers: there are pedestrians in the background traffic.
+        bridge: whether its route goes over or under another road; the world is flat, so it then gets no background
+            traffic. walkers: whether there are pedestrians in the background traffic.
     """
 
     name: str
@@ -121,7 +124,7 @@ class Case:
 
     @property
     def signal(self) -> bool:
-        """Whether the junction of the scenario has a signal."""
+        """Return whether the junction of the scenario has a signal."""
         return "shown" in self.values
 
 
@@ -137,7 +140,8 @@ def case_of(
     """Return the case of a route, the `number`th of its family; the values vary with the number.
 
     Args:
-        signals: those of the town, by junction. staged: with the family's behaviour, if there is room for it.
+        signals: those of the town, by junction. staged: whether the case has the family's behaviour, if there is room
+            for it.
     """
     family = placed.route.family
     stage = _STAGES.get(family) if staged else None
@@ -210,7 +214,7 @@ def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pla
         **_green(signals, passage, placed),
         "parked_model": parked,
         "beyond": _m(beyond),
-        # half of the obstacle stands in the lane, or all of it in the lane beside the ego's
+        # Half of the obstacle stands in the lane; or all of it in the lane beside the ego's.
         "parked_side": _m(-(_HALF_LANE_M + 0.6)),
         "crossing": _m(crossing),
         "near_kerb": _m(near),
@@ -234,7 +238,8 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
             break
     if passage is None:
         return _NOTHING
-    if vehicle is None:  # no conflicting movement: a pedestrian crosses the road behind the first junction
+    # No movement conflicts with the ego's, so a pedestrian crosses the road behind the first junction.
+    if vehicle is None:
         passage = passages[0]
         return "walker", {
             "junction": _word(passage.junction),

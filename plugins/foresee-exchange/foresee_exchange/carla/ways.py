@@ -121,7 +121,7 @@ def way_between(
     way = min(ways, key=lambda way: (cost_m(way), way.edges))
     twice = next((edge for k, edge in enumerate(way.edges) if edge in way.edges[:k]), None)
     if twice is not None:
-        raise RouteError(f"it uses {twice} twice, which lengths along a route cannot express")
+        raise RouteError(f"it uses {twice} twice, but a length along a route must mean a single place")
     return way
 
 
@@ -144,7 +144,7 @@ def through_of(network: RoadNetwork, edges: tuple[str, ...]) -> tuple[str, ...]:
 
 def length_to(line: RouteLine, place: Pose, least_m: float) -> float:
     """Return the position on a line that is nearest to a place, at `least_m` or later, m."""
-    # a route may pass a place twice; the headings distinguish the passes
+    # A route may pass a place twice; the headings tell the two passages apart.
     best = min(
         (math.hypot(x - place.x, y - place.y) + _turned(angle, place), s)
         for s, (x, y), angle in zip(line.marks, line.xy, line.angles, strict=True)
@@ -179,7 +179,7 @@ def _way_over(network: RoadNetwork, stages: Sequence[Sequence[OnLane]]) -> Way:
             raise RouteError(f"there is no way from {best[0][3].edges[0]} to {stage[0].edges[-1]}")
         best = offers
     cost, start, edges, end = min(best, key=lambda way: (round(way[0], 3), way[2]))
-    network.line(edges, start_lane=start.lane.id)  # raises if no lanes lead there
+    network.line(edges, start_lane=start.lane.id)  # this raises an error if no lanes lead there
     return Way(edges, start, end, cost)
 
 
@@ -195,7 +195,7 @@ def _onward(network: RoadNetwork, first: OnLane, other: OnLane) -> tuple[float, 
     except RouteError:
         return None
     if len(edges) == 1 and not (first.lane.internal or other.lane.internal):
-        return None  # a way back to the same road would go around the block
+        return None  # a way back to the same road would lead around the block
     length_m = sum(network.edges[edge].drivable[0].line.length_m for edge in edges)
     before_m = first.lane.line.length_m - first.at_m if first.lane.internal else -first.at_m
     behind_m = other.at_m if other.lane.internal else other.at_m - other.lane.line.length_m
@@ -212,7 +212,7 @@ def _joined(network: RoadNetwork, start: OnLane, end: OnLane) -> Way | None:
         except RouteError:
             return None
         if start.lane.edge == end.lane.edge and not start.lane.internal and end.at_m <= start.at_m:
-            return None  # a route of two places does not mean a way around the block
+            return None  # a route of two places is not meant to lead around the block
         edges = (*start.edges[:-1], *between, *end.edges[1:])
     try:
         line = network.line(edges, start_lane=start.lane.id)

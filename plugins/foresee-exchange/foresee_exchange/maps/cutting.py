@@ -17,11 +17,11 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.outcome import ExchangeError
 
 EMPTY = ("No edges loaded", "No nodes loaded")
-"""Messages of netconvert 1.28 if no edge of a map remains."""
+"""Messages of netconvert 1.28 when no edge of a map is left."""
 _METRES_A_DEGREE = 111_320.0
 """Metres per degree of latitude: the earth's circumference at the equator, 40,075 km, over 360."""
 _LARGEST = 1e8
-"""Ours: larger than any coordinate of a map, m."""
+"""Largest value of a coordinate that is accepted, m (ours: larger than any coordinate of a map)."""
 CUT = "cut a part out (`--around`, `--in-boundary`, `--in-geo-boundary`)"
 """Advice in messages about maps that are too large."""
 _SIDES = ("west", "south", "east", "north")
@@ -29,11 +29,11 @@ _SIDES = ("west", "south", "east", "north")
 
 @dataclass(frozen=True)
 class Boundary:
-    """A box; a map keeps the edges that lie wholly or partly in it.
+    """A box: of a map, the edges that lie wholly or partly in it are kept.
 
     Attributes:
         west, south, east, north: its sides, in m of the map's coordinates or in degrees.
-        geo: the sides are in degrees.
+        geo: whether the sides are in degrees.
     """
 
     west: float
@@ -44,7 +44,7 @@ class Boundary:
 
     @classmethod
     def read(cls, text: str, *, geo: bool = False) -> Boundary:
-        """Read `XMIN,YMIN,XMAX,YMAX`; a `ValueError` says what is wrong with it."""
+        """Read `XMIN,YMIN,XMAX,YMAX`; an invalid text raises a `ValueError` that explains the error."""
         west, south, east, north = _numbers(text, "LON,LAT,LON,LAT (degrees)" if geo else "XMIN,YMIN,XMAX,YMAX (m)", 4)
         if west >= east or south >= north:
             raise ValueError(f"the box {text} is empty: write the south-western corner first, then the north-eastern")
@@ -56,7 +56,7 @@ class Boundary:
 
     @property
     def option(self) -> tuple[str, str]:
-        """Name and value of netconvert's option."""
+        """Return the name and value of netconvert's option."""
         name = "--keep-edges.in-geo-boundary" if self.geo else "--keep-edges.in-boundary"
         return name, ",".join(str(getattr(self, side)) for side in _SIDES)
 
@@ -82,7 +82,7 @@ class Around:
 
     @classmethod
     def read(cls, text: str) -> Around:
-        """Read `PLACE,RADIUS`; a `ValueError` says what is wrong with it."""
+        """Read `PLACE,RADIUS`; an invalid text raises a `ValueError` that explains the error."""
         place, _, radius = text.rpartition(",")
         try:
             radius_m = float(radius)
@@ -94,7 +94,7 @@ class Around:
 
     @property
     def point(self) -> tuple[float, float] | None:
-        """The place as two numbers; None if it is an id."""
+        """Return the place as two numbers; None if it is an id."""
         try:
             x, y = _numbers(self.place, "", 2)
         except ValueError:
@@ -122,7 +122,7 @@ def _numbers(text: str, form: str, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(abs(value) < _LARGEST for value in values):
-        raise ValueError(f"{text} is not {count} numbers with commas between them: write {form}")
+        raise ValueError(f"{text} does not have {count} numbers, separated by commas: write {form}")
     return values
 
 
@@ -137,7 +137,7 @@ def part_of(around: str | None, in_boundary: str | None, in_geo_boundary: str | 
         ValueError: more than one option is present, or its value is invalid.
     """
     if sum(text is not None for text in (around, in_boundary, in_geo_boundary)) > 1:
-        raise ValueError("--around, --in-boundary and --in-geo-boundary exclude each other")
+        raise ValueError("only one of --around, --in-boundary and --in-geo-boundary can be used")
     if around is not None:
         return Around.read(around)
     if in_boundary is not None:
@@ -147,12 +147,14 @@ def part_of(around: str | None, in_boundary: str | None, in_geo_boundary: str | 
 
 @dataclass(frozen=True)
 class _Whole:
-    """Properties of a SUMO network.
+    """The properties of a SUMO network that are needed to cut a part out of it.
 
     Attributes:
-        edges: number of its edges, without those inside junctions. extent: bounding box of its junctions, m.
+        edges: number of its edges, without those inside junctions.
+        extent: bounding box of its junctions, m.
         degrees: the extent in degrees, from its `origBoundary`; empty without a projection.
-        place: position of the requested junction or edge, m. digits: decimals of its coordinates.
+        place: position of the requested junction or edge, m.
+        digits: decimals of its coordinates.
     """
 
     edges: int
@@ -174,7 +176,7 @@ def cut_net(file: Path, part: Part, folder: Path, tell: Tell) -> tuple[Path, str
     whole = _whole(file, part.place if isinstance(part, Around) else "")
     box = part if isinstance(part, Boundary) else _around(part, whole, file)
     if box.geo and not whole.degrees:
-        raise ExchangeError(f"{file} has no projection, so that no place of it has a longitude and latitude: use "
+        raise ExchangeError(f"{file} has no projection, so its places have no longitude and latitude: use "
                             f"--in-boundary; it reaches {whole.extent}")  # fmt: skip
     tell(f"cutting the part out of {whole.edges} edges with netconvert")
     (folder / "whole.net.xml").write_bytes(unpacked(file, ExchangeError))
@@ -235,7 +237,7 @@ def _whole(file: Path, wanted: str) -> _Whole:
                 if wanted and element.get("id") == wanted:
                     place = xs[-1], ys[-1]
     except (KeyError, ValueError, IndexError, StopIteration) as err:
-        raise ExchangeError(f"{file} is not a sound SUMO network: {err}") from err
+        raise ExchangeError(f"{file} is a damaged SUMO network: {err}") from err
     if not edges or not xs or not located:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")
     return _Whole(edges, Boundary(min(xs), min(ys), max(xs), max(ys)), degrees, place, digits)

@@ -1,4 +1,4 @@
-"""OpenDRIVE maps: import with a first scenario, a report on the parts that are left out, and export."""
+"""OpenDRIVE maps: import with a first scenario and a report on the parts that are left out, and export."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TAKEN_LANES = (
     *("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop"),
     *("sidewalk", "none", "biking", "parking"),
 )
-_NO_CROSSING = "crosswalk objects at no crossing (they lie at no junction where sidewalks meet)"
+_NO_CROSSING = "crosswalk objects without a crossing (they are not at a junction where sidewalks meet)"
 _ON_CROSSING_M = 0.5
 """Largest distance between a crossing and its crosswalk, m. Ours: crossings are moved there, up to rounding."""
 _LEVEL_M = 0.01
@@ -49,7 +49,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     """
     plain = file.name.removesuffix(".gz")
     if not plain.endswith(".xodr"):
-        raise ExchangeError(f"{file} does not have the name of an OpenDRIVE map: its name must end in .xodr")
+        raise ExchangeError(f"{file} cannot be an OpenDRIVE map: its name must end in .xodr")
     tell("reading the map")
     root = parse_xml(file, "OpenDRIVE", "an OpenDRIVE map")
     if part is not None:
@@ -79,7 +79,7 @@ def _run_part(file: Path, part: Part, out: Path, tell: Tell) -> Imported:
             if any(words in str(err) for words in EMPTY):
                 raise ExchangeError(f"{file} has no road in the box {box}{_extent(file)}") from err
             raise
-        notes = (f"the part is a SUMO network: what lies in the box {box}, wholly or partly", *notes_of(net))
+        notes = (f"the part is a SUMO network of the edges that lie in the box {box}, wholly or partly", *notes_of(net))
         return with_starter(
             net.read_bytes(),
             f"{name}{NET}",
@@ -146,7 +146,7 @@ def left_out_of(root: Element, parts: Topology) -> Counter[str]:
 
 
 def _from_map(root: Element, parts: Topology) -> tuple[int, int]:
-    """Return how many crosswalks of a map have a crossing, and how many crossings lie on crosswalks."""
+    """Return how many crosswalks of a map have a crossing, and how many crossings are on crosswalks."""
     crossings: set[str] = set()
     used = 0
     for crosswalk in crosswalks_of(root):
@@ -167,8 +167,10 @@ def notes_on(root: Element, parts: Topology) -> tuple[str, ...]:
     """Return a note on each thing that was added to a map."""
     notes = []
     if any(m.tls is not None for m in parts.movements):
-        notes.append("the map contains the places of signals, not their programs: each got a program of ours, with a "
-                     "stage for each pair of opposite approaches (20 s green, 3 s amber, 2 s all red)")  # fmt: skip
+        notes.append(
+            "the map contains the places of signals, not their programs: each signal got a program of this tool, with "
+            "a stage for each pair of opposite approaches (20 s green, 3 s amber, 2 s all red)"
+        )
     mapped = _from_map(root, parts)[1]
     if mapped:
         notes.append(f"{mapped} pedestrian crossings lie where the map has its crosswalks")
@@ -178,7 +180,7 @@ def notes_on(root: Element, parts: Topology) -> tuple[str, ...]:
             f"{guessed} pedestrian crossings are guessed: at junctions without a crosswalk, where sidewalks end"
         )
     if root.find("road/type/speed") is None and root.find(".//lane/speed") is None:
-        notes.append("the map has no speed limits: 50 km/h everywhere (netconvert's)")
+        notes.append("the map has no speed limits: all roads got netconvert's 50 km/h")
     return tuple(notes)
 
 

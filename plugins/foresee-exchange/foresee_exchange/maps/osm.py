@@ -34,13 +34,13 @@ from foresee_exchange.naming import name_of
 _TYPEMAPS = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetconvertPedestrians.typ.xml")
 """SUMO's own tables of `highway=...`: lanes, limits, permissions; then urban limits and sidewalks."""
 _OPTIONS = (
-    *("--geometry.remove", "true"),  # nodes at which a street only bends are not junctions
-    *("--junctions.join", "true"),  # a crossing of two dual carriageways is one junction, not four
+    *("--geometry.remove", "true"),  # a node at which a street only bends must not be a junction
+    *("--junctions.join", "true"),  # a crossing of two dual carriageways must be one junction, not four
     *("--junctions.corner-detail", "5"),
     *("--roundabouts.guess", "true"),  # extracts often lack the tag
     *("--tls.guess-signals", "true"),  # OSM puts signals at stop lines, before the junction
     *("--tls.discard-simple", "true"),  # a signal without crossing streams belongs to a pedestrian crossing
-    *("--tls.join", "true"),  # one program for a junction that has several nodes
+    *("--tls.join", "true"),  # a junction that has several nodes must have one program
     *("--tls.default-type", "static"),
     *("--sidewalks.guess", "true"),
     *("--crossings.guess", "true"),
@@ -49,13 +49,14 @@ _OPTIONS = (
     *("--keep-edges.by-vclass", "passenger,delivery,bus,truck,motorcycle,bicycle"),
     *("--no-turnarounds.except-deadend", "true"),
     *("--output.street-names", "true"),
-    *("--precision", "3"),  # millimetres
+    *("--precision", "3"),  # coordinates in millimetres
     *("--no-warnings", "true"),
 )
 _NOT_ALONE = ("--remove-edges.isolated", "true")
-"""Removes streets that lead to no other street; not used if all streets are such."""
+"""Option that removes streets that lead to no other street; it is not used if all streets are such."""
 _MAPPED_CROSSINGS = ("--osm.crossings", "true")
-"""Uses the map's own crossings; netconvert 1.28 crashes on some extracts with it (3 of 28 of osm2streets)."""
+"""Option that uses the map's own crossings. With it, netconvert 1.28 crashes on some extracts (3 of 28 of osm2streets),
+which are then converted without it."""
 _AGAIN = (
     "--junctions.corner-detail",
     "5",
@@ -91,7 +92,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     tell(f"reading {file.name}")
     root = read_osm(file)
     if not any(_tag(way, "highway") in _CAR_STREETS for way in root.iterfind("way")):
-        raise ExchangeError(f"{file} has no streets: `highway` ways with their nodes are needed")
+        raise ExchangeError(f"{file} has no streets: it must contain `highway` ways with their nodes")
     if root.find("node") is None:
         raise ExchangeError(f"{file} has no nodes: export it with them")
     name = name_of(file.name.partition(".osm")[0], "map")
@@ -99,7 +100,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
     if box is not None:
         name, extent = part_name(name), extent_of(root)
         keep_within(root, box)
-    tell("making a network of it with netconvert")
+    tell("converting the extract to a network with netconvert")
     net, notes = converted(root, box=box)
     if b"<edge " not in net:
         net, notes = converted(root, alone=True, box=box)
@@ -119,7 +120,7 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
 
 
 def _kept(box: Boundary | None) -> tuple[str, ...]:
-    return () if box is None else (f"what lies in the box {box} is kept, wholly or partly",)
+    return () if box is None else (f"streets that lie in the box {box}, wholly or partly, are kept",)
 
 
 def extent_of(root: Element) -> Boundary | None:
@@ -134,7 +135,7 @@ def extent_of(root: Element) -> Boundary | None:
 def keep_within(root: Element, box: Boundary) -> None:
     """Remove the ways of an extract that lie wholly on one side of a box, and the nodes that no other way needs.
 
-    netconvert makes the exact cut; this only reduces its input.
+    netconvert cuts exactly; this only reduces its input.
     """
     places = _places(root)
     needed: set[str] = set()
@@ -173,7 +174,7 @@ def converted(root: Element, *, alone: bool = False, box: Boundary | None = None
     The extract is written again for netconvert, so that no document type remains which it would download.
 
     Args:
-        alone: keep streets that lead to no other street. box: the part to keep; None: all.
+        alone: whether to keep streets that lead to no other street. box: the part to keep; None: all.
     """
     from xml.etree.ElementTree import tostring
 
@@ -194,14 +195,14 @@ def converted(root: Element, *, alone: bool = False, box: Boundary | None = None
             except NetconvertDiedError as err:
                 run_netconvert(command, folder)
                 put = _put_crossings(root, folder)
-                notes = (f"{err} while it added the map's crossings: {put} of them were added by this tool, at the "
+                notes = (f"{err} while it added the map's crossings, so this tool added {put} of them, at the "
                          "arms of junctions with sidewalks; others are guessed",)  # fmt: skip
         except CompileError as err:
             if any(words in str(err) for words in EMPTY):
                 return b"", ()
             if isinstance(err, NetconvertLimitError):
                 raise ExchangeError(f"{err}; or {CUT}") from err
-            raise ExchangeError(f"netconvert cannot make a network of it: {err}") from err
+            raise ExchangeError(f"netconvert cannot convert the extract to a network: {err}") from err
         return without_header((folder / f"map{NET}").read_bytes()), notes
 
 
@@ -242,7 +243,7 @@ def _left_out(root: Element) -> Counter[str]:
             counts["traffic calming"] += 1
     for relation in root.iterfind("relation"):
         kind = _tag(relation, "type")
-        if kind != "restriction":  # netconvert obeys them
+        if kind != "restriction":  # netconvert takes them into account
             counts[f"relations: {kind or 'without a type'}"] += 1
     return counts
 
@@ -252,8 +253,8 @@ def _tag(element: Element, key: str) -> str:
 
 
 _LEFT = (
-    # west, south, east, north, in degrees: boxes inside countries with left-hand traffic. Ours: coarse, and none
-    # crosses a border to a right-hand country; tags of the extract take precedence.
+    # Boxes inside countries with left-hand traffic: west, south, east, north, in degrees. Ours: they are coarse, and
+    # none crosses a border to a country with right-hand traffic; tags of the extract take precedence.
     (-10.8, 49.8, 1.8, 61.0),  # Great Britain, Ireland
     (32.2, 34.5, 34.7, 35.8),  # Cyprus
     (14.1, 35.7, 14.7, 36.1),  # Malta
@@ -301,7 +302,9 @@ def _write_plain(osmium: Any, file: Path, plain: Path) -> None:  # noqa: ANN401 
         for thing in osmium.FileProcessor(str(file)):
             elements += 1 + len(thing.tags) + (len(thing.nodes) if thing.is_way() else 0)
             if elements > MOST_ELEMENTS:
-                raise ExchangeError(f"{file} has more than {MOST_ELEMENTS:,} elements: cut out the part that is needed")
+                raise ExchangeError(
+                    f"{file} has more than {MOST_ELEMENTS:,} elements: use an extract of the part that you need"
+                )
             writer.add(thing)
 
 

@@ -27,7 +27,7 @@ from foresee_exchange.naming import name_of, sentence
 
 NET = ".net.xml"
 _SHOWN = 3
-"""Number of places that a note lists (ours)."""
+"""Maximum number of places that a note lists (ours)."""
 Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
 """Report on a map: counts of the elements that are taken over and that are left out, and notes on guesses."""
 
@@ -64,7 +64,7 @@ def _run(file: Path, name: str, out: Path, source: str, notes: tuple[str, ...], 
         }
     )
     data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(unpacked(file))
-    del root  # frees as much memory as all that follows needs
+    del root  # this frees as much memory as all later steps need
     return with_starter(
         data,
         f"{name}{NET}",
@@ -127,7 +127,9 @@ def _of_the_drive(name: str, way: Way, drive: Drive) -> tuple[str, ...]:
     over = f" over the signal of {', '.join(way.signals)}" if way.signals else " without a signal: no route has one"
     notes = [f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another route"]
     if not drive.arrived:
-        notes.append(f"idm, alone on the road, does not arrive on any of the routes that were tried: {drive.reason}")
+        notes.append(
+            f"idm, alone on the road, does not reach its goal on any of the routes that were tried: {drive.reason}"
+        )
     return tuple(notes)
 
 
@@ -139,10 +141,10 @@ def geometry_notes(geometry: Geometry) -> tuple[str, ...]:
     """Return notes on a map's lines: the repaired ones, and those that remain broken."""
     notes = []
     if geometry.repaired:
-        notes.append(f"{len(geometry.repaired)} lines that no car can follow were smoothed, within their lanes and "
+        notes.append(f"{len(geometry.repaired)} lines that a car cannot follow were smoothed, within their lanes and "
                      f"junctions: {_some(geometry.repaired)}")  # fmt: skip
     if geometry.broken:
-        notes.append(f"{len(geometry.broken)} places are broken and closed, no route leads over them: "
+        notes.append(f"{len(geometry.broken)} places are defective and were closed, so that no route leads over them: "
                      f"{_some(geometry.broken)}; `foresee check` lists them all")  # fmt: skip
     return tuple(notes)
 
@@ -182,7 +184,8 @@ class Drive:
 def first_that_arrives(
     find: Callable[[frozenset[str]], tuple[m.Scenario, Way]], folder: Path, roads: RoadNetwork
 ) -> tuple[m.Scenario, Way, Drive]:
-    """Return the best route on which `idm` arrives alone; if there is none, the best route and the result of its drive.
+    """Return the best route on which `idm` reaches its goal without traffic; if there is none, the best route and the
+    result of its drive.
 
     `find` returns the best route without some edges. `folder` contains the network; temporary files there are removed.
     """
@@ -196,7 +199,7 @@ def first_that_arrives(
         without |= drive.ended_on or {way.edges[0]}
         try:
             scenario, way = find(without)
-        except ExchangeError:  # there are no more
+        except ExchangeError:  # there are no further routes
             return first
         drive = driven_alone(scenario, folder, roads)
     return (scenario, way, drive) if drive.arrived else first
@@ -204,7 +207,8 @@ def first_that_arrives(
 
 def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Drive:
     """Place all actors of a scenario, then drive it without its background traffic; return the result."""
-    from foresee_dsl.campaign.driving import run_test_case  # here: SUMO and the drivers
+    # Imported here, because SUMO and the drivers are slow to import.
+    from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.compile import compile_test_case
     from foresee_dsl.language.project.loading import load_test_case
     from foresee_dsl.simulate.results.verdict import Verdict
@@ -214,7 +218,7 @@ def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Driv
     file = folder / "first_drive.foresee"
     try:
         write_text(file, scenario)
-        compile_test_case(load_test_case(file))  # checks that the traffic can be placed too
+        compile_test_case(load_test_case(file))  # checks that the traffic can be placed, too
         write_text(file, scenario.model_copy(update={"body": body}))
         result = run_test_case(load_test_case(file), _DRIVER, 0, deadlines=None)
     except (InputError, CompileError, SimulationError) as err:

@@ -1,4 +1,4 @@
-"""Which pixels of a picture boxes cover; `rasters.fill` says what their coordinates are."""
+"""Finds the pixels of a picture that boxes cover; `rasters.fill` explains their coordinates."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.kernels.compiling import INT, TABLE, compiled, inner
 
 SNAP = 1024
-"""Edges are rounded to this part of a pixel before they are compared with middles: sines and cosines that differ in
-their last digit from machine to machine then give the same pixels (ours)."""
+"""Edges are rounded to this fraction of a pixel before they are compared with middles of pixels. Ours: sines and
+cosines differ in their last digit from machine to machine, and then still give the same pixels."""
 PARALLEL = 1e-9
 """An edge whose direction has a smaller component across a row than this counts as parallel to it."""
 
@@ -21,16 +21,18 @@ def _snapped(value: float) -> float:
 
 @inner
 def _clipped(value: float, least: int, most: int) -> int:
-    if not value > least:  # nor is a NaN
+    if not value > least:  # NaN is not, either
         return least
     return int(min(value, most))
 
 
 @inner
 def _stretch(slope: float, slope_down: float, dy: float, half: float) -> tuple[float, float]:
-    """Return from where to where along a row |slope * dx + slope_down * dy| <= half; an empty stretch for nowhere.
+    """Return the stretch along a row in which |slope * dx + slope_down * dy| <= half; an empty stretch if there is
+    none.
 
-    Where the edge is parallel to the row, its upper bound counts and its lower one does not, as left and right do.
+    If the edge is parallel to the row, a middle on its upper bound counts as inside and one on its lower bound does
+    not, as on the left and the right.
     """
     half = _snapped(half)
     if abs(slope) < PARALLEL:
@@ -43,12 +45,13 @@ def _stretch(slope: float, slope_down: float, dy: float, half: float) -> tuple[f
 
 @compiled(TABLE, INT, INT, INT, INT)
 def box_pixels(boxes: FloatArray, top: int, left: int, rows: int, columns: int) -> IntArray:
-    """Return the pixels of oriented boxes in a window of a picture, [2, P]: the box, ascending, and the flat index of
-    the window's pixel.
+    """Return the pixels of oriented boxes in a window of a picture, [2, P]: the index of the box, ascending, and the
+    flat index of the window's pixel.
 
     Args:
         boxes: [K, 6] middle x, y; cosine and sine of the long side's direction; length, width; in pixels of the whole
-            picture. top, left, rows, columns: the window.
+            picture.
+        top, left, rows, columns: the window.
     """
     bottom, right = top + rows, left + columns
     first_row, end_row = np.empty(len(boxes), np.int64), np.empty(len(boxes), np.int64)
@@ -64,7 +67,8 @@ def box_pixels(boxes: FloatArray, top: int, left: int, rows: int, columns: int) 
         x, y, c, s = boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3]
         for row in range(first_row[k], end_row[k]):
             dy = row + 0.5 - y
-            # A pixel's middle is inside when |c * dx + s * dy| is up to half the length, and the same across.
+            # The middle of a pixel is inside if |c * dx + s * dy| is at most half the length, and the same holds across
+            # with the width.
             low_a, high_a = _stretch(c, s, dy, boxes[k, 4] / 2)
             low_b, high_b = _stretch(-s, c, dy, boxes[k, 5] / 2)
             first = _clipped(np.ceil(_snapped(x + max(low_a, low_b)) - 0.5), left, right)

@@ -1,5 +1,4 @@
-"""Kernels for a path of waypoints: the point to steer for, and how far along the path the others allow the ego to
-go."""
+"""Kernels for a path of waypoints: the point to steer for, and how far the others allow the ego to drive along it."""
 
 from __future__ import annotations
 
@@ -17,15 +16,18 @@ Record = Any
 
 
 class Rules(NamedTuple):
-    """The ego's footprint, and how others bind it (the driver's settings say why).
+    """The ego's footprint, and the rules by which others limit its way (the driver's settings explain the values).
 
     Attributes:
-        length, width: of the ego, m. margin: what is left in front of another, side: air on either side, m.
-        small, small_margin: what is shorter than this is larger by that on each side, m.
-        beside: by how much another beside the ego may seem to overlap it, m.
-        sample: between the ego's places along the path that are looked at, m.
-        step: between two bounds, s. soon: others bind that are in the way by then, s; slow_soon: of those slower than
-            `slow`, m/s. standing: others slower than this stand, m/s.
+        length, width: size of the ego, m.
+        margin: free length in front of another, side: free width on either side, m.
+        small, small_margin: an object shorter than `small` is enlarged by the other value on each side, m.
+        beside: apparent overlap with an object beside the ego that is tolerated, m.
+        sample: distance between the places of the ego along the path that are examined, m.
+        step: time between two limits, s.
+        soon: an object limits the way if it is in the way by this time, s; slow_soon: the same for objects slower than
+            `slow`, m/s.
+        standing: objects slower than this stand, m/s.
     """
 
     length: float
@@ -58,7 +60,9 @@ def _lengths(path: FloatArray) -> FloatArray:
 
 @inner
 def _at(s: float, along: FloatArray, values: FloatArray) -> float:
-    """Interpolate as `numpy.interp` does, in the same order of operations."""
+    """Return an interpolated value; the operations are in the same order as in `numpy.interp`, so that the result has
+    the same bits.
+    """
     last = along.shape[0] - 1
     if s <= along[0]:
         return float(values[0])
@@ -74,11 +78,11 @@ def _at(s: float, along: FloatArray, values: FloatArray) -> float:
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT)
 def aim(path: FloatArray, x: float, y: float, ahead_m: float) -> FloatArray:
-    """Return [3]: the point of a path ([N, 2] m) that lies `ahead_m` beyond the foot of x, y on it, and the path's
-    length, m.
+    """Return [3]: the point of a path ([N, 2] m) that is `ahead_m` beyond the point of it nearest to x, y; and the
+    path's length, m.
 
-    Beyond its end the path goes on straight, in the direction of its last metre: single waypoints of a slow car lie
-    close together, and jitter.
+    Beyond its end the path continues straight, in the direction of its last metre, because single waypoints of a slow
+    car are close together and jitter.
     """
     along = _lengths(path)
     nearest, foot, whole = np.inf, 0.0, along[-1]
@@ -144,7 +148,7 @@ def _places(waypoints: FloatArray, sample: float) -> FloatArray:
         along = k * sample
         places[k, 0], places[k, 1], places[k, 2] = along, _at(along, s, path[:, 0]), _at(along, s, path[:, 1])
         if k > 0:
-            # The chord of a metre gives the heading: waypoints of a slow car lie close together, and jitter.
+            # The heading is that of a chord of a metre, because waypoints of a slow car are close together and jitter.
             before, after = max(along - sample, 0.0), min(along + sample, whole)
             dx = _at(after, s, path[:, 0]) - _at(before, s, path[:, 0])
             dy = _at(after, s, path[:, 1]) - _at(before, s, path[:, 1])
@@ -154,8 +158,10 @@ def _places(waypoints: FloatArray, sample: float) -> FloatArray:
 
 @inner
 def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: Record, blocked: FloatArray) -> bool:
-    """Write the length at which the ego first meets another actor at each of the times, m, infinite if it does not;
-    return whether it ever does."""
+    """Write the length at which the ego first meets another actor at each of the times, m; infinite if it does not.
+
+    Return whether it meets the actor at any of the times.
+    """
     ahead, left, heading, length, width, speed = other[0], other[1], other[2], other[3], other[4], other[5]
     if length < rule["small"]:
         length, width = length + 2.0 * rule["small_margin"], width + 2.0 * rule["small_margin"]
@@ -164,7 +170,8 @@ def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: R
     cos, sin = np.cos(heading), np.sin(heading)
     wide = rule["width"] + 2.0 * rule["side"]
     reach = (np.hypot(rule["length"], wide) + np.hypot(length, width)) / 2.0
-    # What touches the wider footprint where the ego is now, but lies beside it, is passed and not approached.
+    # An object that touches the wider footprint where the ego is now, but is beside it, is being passed, not
+    # approached.
     across = (abs(length * sin) + abs(width * cos)) / 2.0
     beside = abs(left) - across >= rule["width"] / 2.0 - rule["beside"]
     meets = False
@@ -172,7 +179,7 @@ def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: R
         x, y = ahead + speed * times_s[t] * cos, left + speed * times_s[t] * sin
         blocked[t] = np.inf
         for k in range(places.shape[0]):
-            # Circles around the boxes first: hardly any other is near.
+            # Circles around the boxes are compared first, because hardly any other is near.
             dx, dy = x - places[k, 1], y - places[k, 2]
             if dx * dx + dy * dy <= reach * reach and overlap(
                 Box(places[k, 1], places[k, 2], places[k, 3], rule["length"], wide), Box(x, y, heading, length, width)
@@ -190,7 +197,7 @@ def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: R
 def _bound(
     blocked: FloatArray, other: FloatArray, times_s: FloatArray, ends_s: FloatArray, rule: Record, limits: FloatArray
 ) -> None:
-    """Write how far along the path one of the others allows the ego to go up to the end of each step, m.
+    """Write how far another actor allows the ego to drive along the path up to the end of each step, m.
 
     A step's limit is the smallest of the times around its end, as in InterFuser: the other may be half a step late.
     """
@@ -208,6 +215,6 @@ def _bound(
             if abs(times_s[t] - ends_s[k]) <= rule["step"] + _SLACK_S:
                 least, near = min(least, blocked[t]), True
         if not near:
-            # Beyond what is predicted it moves on along the way as fast as it moves ahead now.
+            # After the predicted time the actor is assumed to move along the way as fast as it moves ahead now.
             least = blocked[-1] + on_mps * (ends_s[k] - times_s[-1])
         limits[k] = max(least - rule["margin"], 0.0)

@@ -27,10 +27,10 @@ Pose = tuple[float, float, float]
 """x, y (m), heading (rad)."""
 
 _LEAST_PX = 2.0
-"""A footprint's sides are drawn at least this long, in pixels. Above the square root of two at least one pixel's middle
-lies inside, at any angle. Ours: with 1.5 a pedestrian was often a single pixel."""
+"""Shortest length at which the side of a footprint is drawn, px. From the square root of two on, at least the middle of
+one pixel is inside, at any angle. Ours: with 1.5 a pedestrian was often a single pixel."""
 _STOP_M = 1.0
-"""The thickness of a stop line, m (along the road). Ours: two pixels; painted lines have 0.3 to 0.5 m."""
+"""Thickness of a stop line along the road, m. Ours: two pixels; painted lines have 0.3 to 0.5 m."""
 _MAP = len(MAP_BITS)
 _STOP = {name: BIRDS_EYE_CHANNELS.index(f"stop_{name}") for name in ("red", "amber", "green", "other")}
 _GROUP = BIRDS_EYE_CHANNELS.index(GROUPS[0])
@@ -39,8 +39,8 @@ _AHEAD, _LEFT, _EGO = (BIRDS_EYE_CHANNELS.index(name) for name in ("velocity_ahe
 
 @dataclass(frozen=True, slots=True)
 class StopLine:
-    """A place where the ego's route reaches a junction: the line's middle (m), the route's heading (rad), its width
-    (m).
+    """A place at which the ego's route reaches a junction: the line's middle (m), the route's heading (rad), the line's
+    width (m).
 
     `signal`: the key into `Observation.signals`, or None. `heads`: places of the signal's lamps: x, y, height above the
     road (m).
@@ -63,8 +63,10 @@ class BirdsEye:
         stops: Sequence[StopLine] = (),
         ego_size_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Take a map on which the route is drawn already, and the route's stop lines. An ego without a size (length,
-        width) is not drawn."""
+        """Use a map on which the route is drawn already, and the route's stop lines.
+
+        An ego without a size (length, width) is not drawn.
+        """
         layout = BIRDS_EYE
         self._ground, self._stops, self._layout = ground, stops, layout
         scale = layout.m_per_px
@@ -102,7 +104,7 @@ class BirdsEye:
         self._draw_map(pose, picture[:_MAP], window)
         picture[_MAP:] = 0
         flat = picture.reshape(len(BIRDS_EYE_CHANNELS), -1)
-        # Stop lines and road users are drawn in the same calls: a call takes longer than its arithmetic.
+        # Stop lines and road users are drawn in the same calls, because a call takes longer than its arithmetic.
         channels = [_STOP.get(signals.get(s.signal or "", ""), _STOP["other"]) for s in self._stops]
         box, pixel = self._pixels(pose, np.concatenate((self._lines, actors)), window)
         flat[np.concatenate((np.array(channels, np.int64), groups + _GROUP))[box], pixel] = 255
@@ -133,12 +135,13 @@ class BirdsEye:
         c, s = math.cos(heading), math.sin(heading)
         dx, dy = boxes[:, 0] - x, boxes[:, 1] - y
         ahead, left = (c * dx + s * dy) / layout.m_per_px, (c * dy - s * dx) / layout.m_per_px
-        # Drops what is too far away, and absent actors: a distance of NaN is not within the picture's reach.
+        # This drops actors that are too far away, and absent ones: a distance of NaN is not within the picture's reach.
         reach = max(layout.rows, layout.columns) + boxes[:, 4] / layout.m_per_px
         near = np.flatnonzero(np.hypot(ahead, left) <= reach)
         turned = boxes[near, 2] - heading
         size = np.maximum(boxes[near, 4:6] / layout.m_per_px, _LEAST_PX)
-        # Ahead is up and left is left: in the picture's axes (x right, y down) the direction is (-sin, -cos).
+        # Up in the picture is ahead, left is left: in the picture's axes (x right, y down) the direction is (-sin,
+        # -cos).
         drawn = np.column_stack(
             (
                 layout.columns / 2 - left[near],

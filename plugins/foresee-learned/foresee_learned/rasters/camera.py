@@ -30,10 +30,10 @@ from foresee_learned.rasters.layout import (
 )
 
 _NEAR_M = 0.1
-"""Nothing nearer to the camera than this is drawn, m; a box around the camera is drawn from this distance on."""
+"""An object nearer to the camera than this is not drawn, m; a box around the camera is drawn from this distance on."""
 _SNAP = 1024
-"""Rows are rounded to this fraction of a pixel, so that processors that differ in the last digit draw the same picture
-(ours)."""
+"""Rows are rounded to this fraction of a pixel. Ours: processors that differ in the last digit then draw the same
+picture."""
 _CLASSES = len(FORWARD_CHANNELS) - 1
 _NONE = _CLASSES
 """The label of a pixel that shows nothing."""
@@ -88,7 +88,7 @@ class Camera:
             boxes: [K, 7] x, y (m), heading (rad), length, width, lower and upper edge above the road (m); NaN where
                 one is absent.
             labels: [K] index into `FORWARD_CHANNELS`.
-            range_m: what is farther ahead than this is not drawn.
+            range_m: objects farther ahead than this are not drawn.
 
         Returns:
             [C, H, W] uint8, channels as in `FORWARD_CHANNELS`.
@@ -110,14 +110,15 @@ class Camera:
         return picture
 
     def _draw_walls(self, pose: Pose, depth: NDArray[np.float32], label: NDArray[np.uint8], range_m: float) -> None:
-        """Draw the nearest wall of each column, which hides all others, as all buildings are equally high."""
+        """Draw the nearest wall of each column; it hides all others, because all buildings are equally high."""
         if not len(self._walls):
             return
         ahead, left = self._seen_from(pose, self._walls[..., 0], self._walls[..., 1])
         inside = (ahead.max(axis=1) > 0) & (ahead.min(axis=1) < range_m)
-        side = left - ahead * self._slopes[[0, -1], None, None]  # left of the picture is over 0, its right under
+        # Left of the picture's middle it is positive, right of it negative.
+        side = left - ahead * self._slopes[[0, -1], None, None]
         inside &= (side[0].min(axis=1) < 0) & (side[1].max(axis=1) > 0)
-        # Outlines run counter-clockwise: a wall that faces the camera has it on its right.
+        # Outlines run counter-clockwise, so a wall that faces the camera has the camera on its right.
         inside &= ahead[:, 0] * left[:, 1] < ahead[:, 1] * left[:, 0]
         if not inside.any():
             return
@@ -148,22 +149,22 @@ class Camera:
             return
         ahead, left = self._seen_from(pose, boxes[:, 0], boxes[:, 1])
         radius = np.hypot(boxes[:, 3], boxes[:, 4]) / 2
-        near = (ahead + radius > _NEAR_M) & (ahead - radius < range_m)  # NaN is not
+        near = (ahead + radius > _NEAR_M) & (ahead - radius < range_m)  # a NaN is not
         near &= np.abs(left) - radius * 1.5 <= np.maximum(ahead + radius, 0.0) * self._slopes[0]
         chosen = np.flatnonzero(near)
         if not len(chosen):
             return
         entry, exit_ = self._entered(boxes[chosen], ahead[chosen], left[chosen], boxes[chosen, 2] - pose[2])
         low, high = boxes[chosen, 5, None], boxes[chosen, 6, None]
-        # A box that ends below the camera shows its top as far as its far edge; one that begins above the camera shows
-        # its underside.
+        # A box that ends below the camera shows its top up to its far edge; one that begins above the camera shows its
+        # underside.
         top = self._row(high, np.where(high < CAMERA_HEIGHT_M, exit_, entry))
         below = np.maximum(self._row(low, np.where(low > CAMERA_HEIGHT_M, exit_, entry)), top + 1)
         for k, box in enumerate(chosen.tolist()):
             columns = np.flatnonzero(entry[k] <= range_m)
             if not len(columns):
                 continue
-            across = slice(int(columns[0]), int(columns[-1]) + 1)  # a box is convex: its columns are neighbours
+            across = slice(int(columns[0]), int(columns[-1]) + 1)  # a box is convex, so its columns are neighbours
             over = slice(max(int(top[k, across].min()), 0), max(int(below[k, across].max()), 0))
             rows, at = self._rows[over], entry[k, across]
             behind = depth[over, across]
@@ -174,9 +175,9 @@ class Camera:
     def _entered(
         self, boxes: FloatArray, ahead: FloatArray, left: FloatArray, turned: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return [K, W] how far ahead each column's ray enters and leaves each box; infinite where it does not."""
+        """Return [K, W] how far ahead the ray of each column enters and leaves each box, m; infinite if it does not."""
         c, s = np.cos(turned)[:, None], np.sin(turned)[:, None]
-        # Something thin and far away gets one column at least, so that no pedestrian falls between two rays.
+        # An object that is thin and far away gets at least one column, so that no pedestrian is lost between two rays.
         least = np.maximum(ahead, 0.0)[:, None] / self._layout.focal_px
         half_length, half_width = (np.maximum(boxes[:, k, None], least) / 2 for k in (3, 4))
         along, across = ahead[:, None] * c + left[:, None] * s, left[:, None] * c - ahead[:, None] * s
@@ -194,8 +195,9 @@ class Camera:
         return c * dx + s * dy - CAMERA_AHEAD_M, c * dy - s * dx
 
     def _row(self, height_m: FloatArray | float, depth_m: FloatArray) -> IntArray:
-        """Return the first row whose middle is under a height at a distance; at the picture's edge where it is
-        outside."""
+        """Return the first row whose middle is below a height at a distance; outside the picture, the row at
+        its edge.
+        """
         rows = self._layout.rows
         over = (np.asarray(height_m) - CAMERA_HEIGHT_M) * self._layout.focal_px / depth_m
         exact = np.clip(rows / 2 - over, -1.0, rows + 1.0)
@@ -208,7 +210,7 @@ def _counter_clockwise(outline: Points) -> Points:
 
 
 def _stretch(middle: FloatArray, half: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the greatest z with |step * z - middle| <= half, [K, W]."""
+    """Return the smallest and the largest z with |step * z - middle| <= half, [K, W]."""
     safe = np.where(np.abs(step) < 1e-12, 1e-12, step)
     first, other = (middle - half) / safe, (middle + half) / safe
     return np.minimum(first, other), np.maximum(first, other)

@@ -35,7 +35,7 @@ _FIRST_GROUP = FORWARD_CHANNELS.index(GROUPS[0])
 
 
 class Canvas:
-    """Draws a run's pictures from plain arrays; the map too is drawn only when the first picture is requested."""
+    """Draws a run's pictures from plain arrays. The map, too, is drawn only when the first picture is requested."""
 
     def __init__(
         self,
@@ -44,8 +44,8 @@ class Canvas:
         stops: Sequence[StopLine] = (),
         ego_size_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Take what does not change during a run: the network (its map is cached), the ego's line ([N, 2] m) and its
-        stop lines.
+        """Use what is constant during a run: the network (its map is cached), the ego's line ([N, 2] m) and its stop
+        lines.
 
         An ego without a size (length, width) is not drawn.
         """
@@ -140,7 +140,7 @@ def _pictures_of(run: RunViews) -> _RunPictures:
 
 
 def canvas_of(run: RunViews) -> Canvas:
-    """Return what draws the pictures of a run, for views of other packages."""
+    """Return the canvas that draws the pictures of a run, for views of other packages."""
     return _pictures_of(run).canvas
 
 
@@ -171,8 +171,8 @@ def stops_of(mission: Mission) -> tuple[StopLine, ...]:
     lines = []
     for junction in mission.junctions:
         x, y, heading = heading_at(mission, junction.stop_s)
-        heads = tuple(signal_heads(mission, junction.stop_s))  # those of the sensors
-        # The free width of the ego's direction: the line goes across all of its lanes.
+        heads = tuple(signal_heads(mission, junction.stop_s))  # the heads that the sensors use, too
+        # The line is as wide as the free width in the ego's direction, so it crosses all of its lanes.
         left, right = (float(np.interp(junction.stop_s, mission.s, side)) for side in (mission.left_m, mission.right_m))
         off_line_m = (left - right) / 2
         middle = (x - off_line_m * math.sin(heading), y + off_line_m * math.cos(heading))
@@ -181,7 +181,7 @@ def stops_of(mission: Mission) -> tuple[StopLine, ...]:
 
 
 class RecordedFrames:
-    """The arrays for a `Canvas` from a trace: the true positions of all actors."""
+    """Converts a trace to the arrays for a `Canvas`: the true positions of all actors."""
 
     def __init__(self, trace: Trace) -> None:
         """Read the actors of a run. A trace holds no heights, so each actor gets the usual height of its class."""
@@ -190,7 +190,7 @@ class RecordedFrames:
         self._sizes = np.array([(a.length_m, a.width_m) for a in others]).reshape(-1, 2)
         self._heights = np.array([HEIGHTS_M[a.kind] for a in others], dtype=np.float64)
         self.groups = np.array([GROUP_OF[a.kind] for a in others], dtype=np.int64)
-        """[A - 1] index into `layout.GROUPS`, the ego left out."""
+        """Index into `layout.GROUPS` for each actor except the ego, [A - 1]."""
 
     def pose(self, frame: int) -> Pose:
         """Return the ego's x, y (m) and heading (rad)."""

@@ -1,4 +1,4 @@
-"""Pictures that people can look at: a colour for each channel, and PNG files."""
+"""Converts pictures to colours for people to look at, and writes PNG files."""
 
 from __future__ import annotations
 
@@ -39,8 +39,10 @@ def coloured(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def write_png(rgb: NDArray[np.uint8], file: Path, *, zoom: int = 1) -> None:
-    """Write [H, W, 3] colours as a PNG, every pixel `zoom` by `zoom` large; for that pillow must be installed (`pip
-    install "foresee-dsl[pictures]"`)."""
+    """Write [H, W, 3] colours as a PNG in which each pixel is `zoom` by `zoom` large.
+
+    It needs the package pillow (`pip install "foresee-dsl[pictures]"`).
+    """
     from PIL import Image
 
     height, width = rgb.shape[:2]

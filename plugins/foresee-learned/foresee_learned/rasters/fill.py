@@ -38,7 +38,7 @@ def toggle_outlines(bits: NDArray[np.uint8], rings: Iterable[FloatArray], bit: i
     slope = (x1 - x0)[edge] / (y1 - y0)[edge]
     x = x0[edge] + (row + 0.5 - y0[edge]) * slope
     column = np.maximum(np.ceil(np.round(x * SNAP) / SNAP - 0.5), 0).astype(np.int64)
-    inside = column < width  # what begins to the right of the picture toggles nothing in it
+    inside = column < width  # an edge that begins to the right of the picture toggles nothing in it
     np.bitwise_xor.at(bits.reshape(-1), row[inside] * width + column[inside], np.uint8(bit))
 
 
@@ -58,8 +58,10 @@ def box_pixels(boxes: FloatArray, window: Window) -> tuple[IntArray, IntArray]:
 
 
 def _runs(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-    """Return two arrays over all numbers of some runs, one run after the other: the run's index, and the number. Each
-    run has `count` numbers from `first` on."""
+    """Return two arrays over all numbers of some runs, one run after the other: the index of the run, and the number.
+
+    Each run has `count` numbers from `first` on.
+    """
     index = np.repeat(np.arange(len(first)), count)
     number = np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
     return index, number

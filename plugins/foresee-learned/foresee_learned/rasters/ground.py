@@ -39,8 +39,9 @@ _MAX_PX = 64_000_000
 """Largest number of pixels of a map, one byte each: 4 km^2. A larger map gets larger pixels (ours: 64 MB in each worker
 process)."""
 _FRACTION = 12
-"""Fractional bits of a coordinate (fixed point, in pixels) while the map is sampled. The rest of the 32 bits is enough
-for a map 500,000 pixels wide; the error at the corners of a picture of 200 pixels is 0.03 of a map's pixel."""
+"""Number of fractional bits of a coordinate (fixed point, in pixels) while the map is sampled. The rest of the 32
+bits is enough for a map 500,000 pixels wide; the error at the corners of a picture of 200 pixels is 0.03 of a map's
+pixel."""
 
 _drawn_maps: WeakKeyDictionary[RoadNetwork, GroundMap] = WeakKeyDictionary()
 
@@ -99,15 +100,15 @@ class GroundMap:
         return GroundMap(bits, self.west_m, self.north_m, self.m_per_px)
 
     def sample(self, pose: tuple[float, float, float], ahead_m: FloatArray, left_m: FloatArray) -> NDArray[np.uint8]:
-        """Return the bits under points given in a moving frame (x, y in m, heading in rad); 0 outside the map.
+        """Return the bits under points of a moving frame (x, y in m, heading in rad); 0 outside the map.
 
         `ahead_m`, `left_m`: the points; arrays that are broadcast to the result's shape.
         """
         x, y, heading = pose
         c, s = math.cos(heading) / self.m_per_px, math.sin(heading) / self.m_per_px
         unit = 1 << _FRACTION
-        # Columns count eastwards, rows southwards. Each term is rounded on its own, so the rest is arithmetic of
-        # integers.
+        # Columns are counted eastwards, rows southwards. Each term is rounded separately, so that all further
+        # arithmetic is that of integers.
         column = np.rint(ahead_m * (c * unit)).astype(np.int32) + np.rint(left_m * (-s * unit)).astype(np.int32)
         row = np.rint(ahead_m * (-s * unit)).astype(np.int32) + np.rint(left_m * (-c * unit)).astype(np.int32)
         height, width = self.bits.shape
@@ -136,12 +137,12 @@ class GroundMap:
 
 
 def _offset(pixels: float, size: int) -> np.int32:
-    """Return a coordinate in fixed point; one far outside of the map is moved to just outside of it."""
+    """Return a coordinate in fixed point; one that is far outside the map is moved to just outside it."""
     return np.int32(round(min(max(pixels, -2.0 * size - 4000), 3.0 * size + 4000) * (1 << _FRACTION)))
 
 
 def _layers(network: RoadNetwork) -> Iterator[tuple[str, BaseGeometry]]:
-    """Yield every layer but the route: its name and where it is."""
+    """Yield the name and the area of every layer except the route."""
     roads = [ln for ln in network.lanes.values() if "car" in ln.kinds]
     streets = [ln for ln in roads if not ln.internal]
     crossing_lanes = {crossing.lane.id for crossing in network.crossings.values()}

@@ -13,13 +13,13 @@ BIRDS_EYE_CHANNELS = (
     *("vehicle", "two_wheeler", "pedestrian", "obstacle"),
     *("velocity_ahead", "velocity_left", "ego"),
 )
-"""Channels of the bird's-eye view. The first eight are the bits of `GroundMap.bits`, lowest first."""
+"""Channels of the bird's-eye view. The first eight are the bits of `GroundMap.bits`, the lowest bit first."""
 FORWARD_CHANNELS = (
     *("road", "marking", "footway", "ground", "building"),
     *("vehicle", "two_wheeler", "pedestrian", "obstacle"),
     *("red", "amber", "green", "inverse_depth"),
 )
-"""Channels of the forward view: planes of classes, of which a pixel has one or none, and the inverse depth."""
+"""Channels of the forward view: planes of classes, of which a pixel has at most one, and the inverse depth."""
 MAP_BITS = BIRDS_EYE_CHANNELS[:8]
 GROUPS: tuple[str, ...] = ("vehicle", "two_wheeler", "pedestrian", "obstacle")
 """Kinds of road users that a picture distinguishes; arrays contain the index."""
@@ -34,7 +34,7 @@ HEIGHTS_M: dict[str, float] = {
 """Heights by kind, including riders, m, for recorded runs, whose traces contain none. Ours: average models of each
 kind."""
 VELOCITY_ZERO = 128
-"""Value of a velocity channel on a road user that stands still; 0 where there is none."""
+"""Value of a velocity channel on a road user that stands; where there is no road user, the value is 0."""
 VELOCITY_PER_MPS = 5
 """Steps of a velocity channel per m/s. Ours: reaches 25 m/s (91 km/h) in both directions, in steps of 0.2 m/s."""
 INVERSE_DEPTH_SCALE = 510.0
@@ -71,7 +71,7 @@ class BirdsEyeLayout:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Channels, rows, columns."""
+        """Return the numbers of channels, rows and columns."""
         return len(BIRDS_EYE_CHANNELS), self.rows, self.columns
 
     def pixel(self, ahead_m: float, left_m: float) -> tuple[int, int]:
@@ -94,12 +94,12 @@ class ForwardLayout:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Channels, rows, columns."""
+        """Return the numbers of channels, rows and columns."""
         return len(FORWARD_CHANNELS), self.rows, self.columns
 
     @property
     def focal_px(self) -> float:
-        """The focal length in pixels (80 by default)."""
+        """Return the focal length in pixels (80 by default)."""
         return self.columns / 2 / math.tan(self.view_rad / 2)
 
     def pixel(self, ahead_m: float, left_m: float, height_m: float) -> tuple[int, int]:

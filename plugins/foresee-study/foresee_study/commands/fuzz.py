@@ -78,7 +78,7 @@ def fuzz(
     from foresee_study.fuzz.terminal import FuzzProgress, print_fuzz
     from foresee_study.fuzz.texts import original_of
 
-    find_driver(driver)  # an unknown name is reported before anything runs
+    find_driver(driver)  # an unknown name must be reported before anything runs
     stop = StopSignal()
     options = RunOptions(
         jobs=jobs,
@@ -89,7 +89,7 @@ def fuzz(
     )
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
     for case in cases:
-        original_of(case)  # what cannot be extended is reported before there is a store
+        original_of(case)  # a test case that cannot be extended must be reported before there is a store
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
     settings = FuzzSettings(driver, cycles, mutations, seed, together)
@@ -108,7 +108,7 @@ def fuzz(
     for note in notes:
         screen.print(note, markup=False)
     if result.interrupted:
-        screen.print(f"{'' if stop() else 'The time is up. '}The same command continues from there.")
+        screen.print(f"{'' if stop() else 'The time budget is used up. '}The same command continues from there.")
         if stop():
             raise typer.Exit(stop.exit_code)
     if result.broken or not (exit_zero or result.all_passed):

@@ -199,7 +199,9 @@ def _run(
     names: Sequence[str], settings: StudySettings, cases: Cases, folder: StudyFolder, store: Path, options: RunOptions,
     *, quiet: bool,
 ) -> StudyRun:  # fmt: skip
-    """Run the questions, and print what is left out and the time of each; a signal ends the command with its code."""
+    """Run the questions, and print the notes on what is left out and the time of each; a signal ends the command with
+    its exit code.
+    """
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.cli.campaigns import StopSignal
@@ -220,7 +222,8 @@ def _run(
         say(note)
     with ExitStack() as stack:
         stack.enter_context(only_writer(folder.at, "--out"))
-        folder.noted(settings, {}, notes)  # so that the finished part of a killed study can be reported
+        # Written early, so that the finished part of a study that is killed can be reported.
+        folder.noted(settings, {}, notes)
         opened = stack.enter_context(Store(store))
         listeners, _ = progress(stack, screen, quiet=quiet, log=None)
         stack.enter_context(stop.listening())
@@ -300,11 +303,12 @@ def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) ->
         screen.print(f"{name}: {spent} with {cost.jobs} workers (in {folder.at})", markup=False)
 
 
-# ---- what the options mean -------------------------------------------------------------------------------------------
+# --- the meaning of the options
+# -----------------------------------------------------------------------------------------
 
 
 def names_in(text: str | None) -> tuple[str, ...]:
-    """Return the names between commas, each once; none without a text."""
+    """Return the names in a text with commas, each once; none without a text."""
     return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
 
 
@@ -321,10 +325,10 @@ def half_named(text: str | None) -> Half | None:
 
 
 def numbers_in(text: str, count: int, option: str) -> list[int]:
-    """Return `count` whole numbers between commas."""
+    """Return `count` whole numbers, read from a text with commas."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
-        raise typer.BadParameter(f"{text!r}: write {count} whole numbers with commas", param_hint=option)
+        raise typer.BadParameter(f"{text!r}: write {count} whole numbers, separated by commas", param_hint=option)
     return [int(part) for part in parts]
 
 
@@ -342,7 +346,7 @@ def cases_of(
 
 
 def town_cases(folder: Path, settings: StudySettings, *, allow_outside: bool) -> tuple[TestCase, ...]:
-    """Return a town's test cases of both halves: no setting was chosen on them."""
+    """Return the test cases of a town, of both halves, because no setting was chosen on them."""
     from foresee_dsl.language.project.loading import load_test_cases
 
     return tuple(load_test_cases([folder], allow_outside=allow_outside)[: settings.first])

@@ -1,5 +1,7 @@
-"""Benchmark with seeded faults of drivers: which search finds which fault, down to which strength, and at what cost.
+"""Benchmark with seeded faults of drivers: it measures which search finds which fault, from which strength on, and at
+what cost.
 
-A failing child that the faulty driver fails and the healthy one passes is the fault's, by construction. The drivers are
-the plug-in in `plug_in/`, which is never installed; `docs/background/faults.md` says how all of this is read.
+A failure counts as caused by the fault if the faulty driver fails a mutant and the healthy driver passes the same
+mutant. The faulty drivers are the plug-in in `plug_in/`, which is never installed; `docs/background/faults.md` explains
+how to read the results.
 """

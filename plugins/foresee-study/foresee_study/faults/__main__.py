@@ -23,7 +23,7 @@ FEW = (
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Measure, print the tables, and write `faults.md` and `faults.json`."""
+    """Run the benchmark, print its tables, and write `faults.md` and `faults.json`."""
     add_plug_in()
     from foresee_faults.catalogue import KINDS  # type: ignore[import-not-found, unused-ignore]
 
@@ -82,7 +82,7 @@ def _causes(args: argparse.Namespace, faults: Sequence[str], parts: Mapping[str,
 
 
 def listed(kinds: Mapping[str, Any]) -> str:
-    """Return the kinds of fault as a Markdown table, which `docs/background/faults.md` has."""
+    """Return the kinds of fault as the Markdown table in `docs/background/faults.md`."""
     rows = [f"| `{name}` | {k.what} | {k.cause} | {k.scale} | {k.source} |" for name, k in kinds.items()]
     return "\n".join(
         ["| kind | what the driver does | cause | strength from 0 to 1 | source |", "|" + " --- |" * 5, *rows]
@@ -90,20 +90,20 @@ def listed(kinds: Mapping[str, Any]) -> str:
 
 
 def _named(names: Sequence[str]) -> tuple[str, ...]:
-    """Return faults by their names; a kind without a driver is seeded into `pdm`."""
+    """Return the faults that a user names; a kind without a driver is seeded into `pdm`."""
     from foresee_faults.catalogue import KINDS  # type: ignore[import-not-found, unused-ignore]
 
     faults = tuple(name if "/" in name else f"pdm/{name}" for name in names)
     for name in faults:
         if name.partition("/")[2] not in KINDS:
-            sys.exit(f"no kind of fault is called {name!r}; there are {', '.join(KINDS)}")
+            sys.exit(f"there is no kind of fault {name!r}; write one of {', '.join(KINDS)}")
     return faults
 
 
 def _chosen(names: Sequence[str]) -> Sequence[str]:
     for name in names:
         if name not in APPROACHES:
-            sys.exit(f"no approach is called {name!r}; there are {', '.join(APPROACHES)}")
+            sys.exit(f"there is no approach {name!r}; write one of {', '.join(APPROACHES)}")
     return names
 
 
@@ -115,15 +115,29 @@ def _parser() -> argparse.ArgumentParser:
     add("--approaches", default=",".join(DEFAULT), help=f"of {', '.join(APPROACHES)}")
     add("--half", choices=("even", "odd", "all"), default="even", help="test cases, by the hash of their names")
     add("--cases", type=int, default=5, help="test cases of each fault")
-    add("--seconds-simulated", type=float, default=600.0, help="what each search may simulate")
+    add("--seconds-simulated", type=float, default=600.0, help="simulated seconds that each search may use")
     add("--judges", default="idm,frenetix,pdm", help="drivers that judge the failures at the middle strength, or none")
     add("--all-strengths", action="store_true", help="search at every strength, instead of bisecting")
-    add("--minutes", type=float, default=math.inf, help="no search begins later; faults that are not done are left out")
+    add(
+        "--minutes",
+        type=float,
+        default=math.inf,
+        help="no search begins after this time; unfinished faults are left out",
+    )
     add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
-    add("--out", type=Path, default=Path("out/faults"), help="the folder for results; what is in it is not done again")
-    add("--causes", action="store_true", help="diagnose failures of the faults instead: is the right part named?")
+    add(
+        "--out",
+        type=Path,
+        default=Path("out/faults"),
+        help="the folder for results; results that it already contains are not computed again",
+    )
+    add(
+        "--causes",
+        action="store_true",
+        help="instead, diagnose failures of the faults and count how often the right part is named",
+    )
     add("--strength", type=float, default=1.0, help="with --causes: strength of the faults")
-    add("--failures", type=int, default=5, help="with --causes: most failures of each fault")
+    add("--failures", type=int, default=5, help="with --causes: maximum number of failures of each fault")
     add("--list", action="store_true", help="print the kinds of fault as a table, and do nothing else")
     return parser
 

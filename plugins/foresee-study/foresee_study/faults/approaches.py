@@ -1,4 +1,4 @@
-"""The compared search approaches: a name and the settings of a campaign each."""
+"""The search approaches that are compared: each has a name and the settings of a campaign."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Approach:
 
     @property
     def missing(self) -> str:
-        """The reason why the approach is not available here, in words; "" if it is."""
+        """Return, in words, why the approach is not available on this machine; "" if it is."""
         settings = {setting.name for setting in fields(CampaignSettings)}
         for name, value in (self.settings or {}).items():
             if name not in settings:
-                return f"campaigns have no setting {name!r} here"
+                return f"campaigns of this version have no setting {name!r}"
             if name == "ranker" and value not in ranker_names():
                 return f"no ranker {value!r} is installed"
             if name == "preset" and value not in PRESETS:

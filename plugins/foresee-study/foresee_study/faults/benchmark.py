@@ -61,17 +61,17 @@ class Plan:
     out: Path
     bisects: bool = True
     ends_s: float = math.inf
-    """Time, as of `time.time`, after which no search begins."""
+    """Time, as `time.time` returns it, after which no search begins."""
 
     @property
     def reference(self) -> float:
-        """The strength at which approaches are compared."""
+        """Return the strength at which approaches are compared."""
         return self.strengths[len(self.strengths) // 2]
 
 
 @dataclass(frozen=True)
 class _Chain:
-    """The searches of one approach for one fault, at one strength after the other."""
+    """The searches of one approach for one fault, one strength after the other."""
 
     plan: Plan
     fault: str
@@ -81,7 +81,7 @@ class _Chain:
 
 @dataclass(frozen=True)
 class _Searched:
-    """The weakest strength at which the fault is detected (infinite: none), and the evidence of all searches."""
+    """The weakest strength at which the fault is detected (infinite if it is not), and the evidence of all searches."""
 
     fault: str
     approach: str
@@ -90,17 +90,19 @@ class _Searched:
 
 
 def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchmark:
-    """Run the benchmark; earlier searches are read from the folder. `write` gets the results so far after each
-    fault."""
+    """Run the whole benchmark; results of earlier searches are read from the folder.
+
+    `write` is called with the results so far after each fault.
+    """
     started = time.monotonic()
     usable = tuple(approach for approach in plan.approaches if not approach.missing)
     skipped = [f"the approach {item.name}: {item.missing}" for item in plan.approaches if item.missing]
     cases = _cases_of(plan, say)
-    skipped += [f"the fault {fault}: it changes nothing in any test case" for fault in plan.faults if not cases[fault]]
+    skipped += [f"the fault {fault}: it has no effect in any test case" for fault in plan.faults if not cases[fault]]
     for line in skipped:
         say(line)
-    # All approaches of a fault before the next fault, with the faults mixed: if time runs out, the results so far can
-    # be compared.
+    # All approaches search for a fault before the next fault begins, and the faults are in mixed order: if time runs
+    # out, the results so far can be compared.
     faults = sorted((fault for fault in plan.faults if cases[fault]), key=_mixed)
     chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
     done: dict[str, list[_Searched]] = defaultdict(list)
@@ -109,7 +111,7 @@ def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchma
         if search is None:
             late.add(chain.fault)
         elif isinstance(search, str):
-            skipped.append(f"the fault {chain.fault}: its search by {chain.approach.name} broke, {search}")
+            skipped.append(f"the fault {chain.fault}: its search by {chain.approach.name} failed: {search}")
             say(skipped[-1])
         else:
             done[chain.fault].append(search)
@@ -119,7 +121,7 @@ def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchma
             if len(done[chain.fault]) == len(usable):
                 write(_benchmark(plan, usable, cases, done, skipped))
     if late:
-        skipped.append(f"{len(late)} of {len(faults)} faults, as time ran out: {', '.join(sorted(late))}")
+        skipped.append(f"{len(late)} of {len(faults)} faults, because time ran out: {', '.join(sorted(late))}")
     result = _benchmark(plan, usable, cases, done, skipped)
     write(result)
     return result
@@ -158,11 +160,13 @@ def _mixed(fault: str) -> str:
 
 
 class _LateError(Exception):
-    """Time has run out."""
+    """Raised when the time has run out."""
 
 
 def _search(chain: _Chain) -> _Searched | str | None:
-    """Search at one strength after the other; return the error in words if it breaks, None if time has run out."""
+    """Search at one strength after the other; return the error in words if the search fails, None if time has
+    run out.
+    """
     plan, library = chain.plan, _library(chain.plan.half)
     cases = [library[each] for each in chain.cases]
     evidence: dict[float, Evidence] = {}
@@ -182,7 +186,7 @@ def _search(chain: _Chain) -> _Searched | str | None:
             threshold = min([strength for strength in plan.strengths if finds(strength)], default=math.inf)
     except _LateError:
         return None
-    except Exception as err:  # one search that breaks must not cost the others
+    except Exception as err:  # an exception in one search must not stop the others
         return f"{type(err).__name__}: {err}"
     evidences = tuple(evidence[strength] for strength in sorted(evidence))
     return _Searched(chain.fault, chain.approach.name, threshold, evidences)
@@ -195,7 +199,7 @@ def _cases_of(plan: Plan, say: Say) -> dict[str, tuple[str, ...]]:
     """
     drivers = sorted({healthy(fault) for fault in plan.faults})
     names = [name(case) for case in library(plan.half)]
-    # Every fault needs the first test cases, so they are driven once in advance; few of the others are needed.
+    # Every fault needs the first test cases, so they are driven once in advance; of the others few are needed.
     first = names[: max(_FIRST, 3 * plan.cases)]
     runs = [(plan.half, each, driver) for driver in drivers for each in first]
     digests = {run[1:]: digest for run, digest in _spread(plan.jobs, _digest, runs)}
@@ -216,8 +220,10 @@ def _digest(run: tuple[Half, str, str]) -> str:
 
 
 def _affected(task: tuple[Half, str, int, tuple[tuple[str, str | None], ...]]) -> tuple[str, ...]:
-    """Return the first test cases that a fault at full strength changes; the digests in `task` are those of the healthy
-    driver, None if unknown."""
+    """Return the first test cases that a fault at full strength changes.
+
+    The digests in `task` are those of the healthy driver, None if they are unknown.
+    """
     half, fault, most, healthily = task
     affected: list[str] = []
     for case, known_digest in healthily:
@@ -241,7 +247,8 @@ def _begin() -> None:
 
 
 def _spread(jobs: int, work: Callable[[T], R], arguments: Sequence[T]) -> Iterator[tuple[T, R]]:
-    """Yield each argument with its result, in order of completion; if a process dies, new processes do the rest.
+    """Yield each argument with its result, in the order of completion; if a process dies, new processes do the
+    remaining work.
 
     Raises:
         BrokenProcessPool: processes have died in all attempts.
@@ -270,5 +277,5 @@ IN_IDM = (
     "late_objects", "blind_to_walkers", "forgets_hidden", "underrates_speed", "runs_amber", "ignores_priority",
     "weak_brakes_wet", "overspeeds",
 )  # fmt: skip
-"""Kinds of fault that are also seeded into `idm`. Ours: two of each sort; as `idm` reacts differently than `pdm`, the
+"""Kinds of fault that are also seeded into `idm`. Ours: two of each sort; `idm` reacts differently from `pdm`, so the
 same fault has other consequences."""

@@ -22,14 +22,14 @@ from foresee_study.faults.sampling import library, name
 from foresee_study.halves import Half
 
 NONE = "none"
-"""The answer that no ideal part makes a failure go away."""
+"""The answer that no ideal part makes a failure disappear."""
 SEVERAL = "several"
-"""The answer that only several parts together do."""
+"""The answer that only several ideal parts together make a failure disappear."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """A diagnosed failure of a fault.
+    """A failure that a fault caused, with its diagnosis.
 
     Attributes:
         fault, case: the fault and the test case. right: the part with the fault, or `NONE`. answer: the part that the
@@ -55,12 +55,13 @@ def measure_causes(
     jobs: int,
     say: Callable[[str], None],
 ) -> tuple[Named, ...]:
-    """Diagnose failures of seeded faults.
+    """Return the diagnoses of failures that seeded faults caused.
 
     Args:
         faults: such as `pdm/late_objects`. parts: the part of each kind of fault. half: of the test cases.
         cases: number of test cases that are driven at most for each fault. failures: most failures of each fault.
-        ends_s: time, as of `time.time`, after which no test case is driven. say: gets a line for each fault.
+        ends_s: time, as of `time.time`, after which no test case is driven. say: function that is called with a line
+            for each fault.
     """
     pool = library(half)
     passing = _Passing()
@@ -90,7 +91,7 @@ def measure_causes(
 
 
 class _Passing:
-    """Which test cases the healthy drivers pass; each is driven once."""
+    """Finds out which test cases the healthy drivers pass; each test case is driven once."""
 
     def __init__(self) -> None:
         self._passes: dict[tuple[str, str], bool] = {}

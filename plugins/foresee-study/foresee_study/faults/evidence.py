@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of them"
-"""The judges that are not a single driver: two models, whether any judging driver avoids the failure, and whether any
-judge says so."""
+"""Names of the judges that are not a single driver: two driver models, whether any judging driver avoids the failure,
+and whether any judge says that it could be avoided."""
 DRIVERS, NOT_EXCUSED = "the driver's fault", "the driver's fault or arguable"
-"""The one judgement of a failure (`avoidance.responsibility`), with and without what is arguable."""
+"""The judgement of `avoidance.responsibility` about a failure, without and with arguable failures."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Failure:
 
     @property
     def is_the_faults(self) -> bool:
-        """Whether the seeded fault is the cause: the healthy driver passes."""
+        """Return whether the seeded fault caused the failure: the healthy driver passes the same run."""
         return self.healthy == "pass"
 
 
@@ -70,8 +70,11 @@ class Evidence:
         return tuple(run.failure for run in self.within(simulated_s) if run.failure is not None)
 
     def of_children(self, simulated_s: float) -> tuple[Failure, ...]:
-        """Return the failures of children among these runs. (The healthy driver passes all test cases, so the failure
-        of a test case is always caused by the fault.)"""
+        """Return the failures of children among these runs.
+
+        Failures of unmutated test cases are left out: the healthy driver passes all of them, so the fault causes each
+        such failure.
+        """
         runs = self.within(simulated_s)
         return tuple(run.failure for run in runs if run.failure is not None and run.kind == "child")
 

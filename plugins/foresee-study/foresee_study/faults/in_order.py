@@ -10,7 +10,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 
 REFERENCES = frozenset({"reference", "case_reference"})
-"""Steps that judge failures; their simulated time does not count."""
+"""Steps that judge failures; the time that they simulate does not count."""
 SEARCH = frozenset({"seed", "forecast", "clip", "mutants", "child"})
 PLAIN = frozenset({"seed"})
 
@@ -23,7 +23,7 @@ class InOrder(Executor):
     """
 
     def __init__(self, limit_s: float, kinds: frozenset[str] = SEARCH) -> None:
-        """Run steps of these kinds up to `limit_s` of simulated time, and after that only steps that judge failures."""
+        """Run steps of these kinds up to `limit_s` of simulated time, and afterwards only steps that judge failures."""
         super().__init__()
         self._limit_s, self._kinds = limit_s, kinds
         self.simulated_s = 0.0
@@ -44,7 +44,7 @@ class InOrder(Executor):
                 for step in run_steps(work):
                     self._count(step, task.name)
                     yield Update(task, TaskPart(step))
-            except Exception as err:  # a broken step is an outcome of its own
+            except Exception as err:  # a step that fails has an outcome of its own
                 yield Update(task, Broken(task, f"{type(err).__name__}: {err}", "raised"))
             else:
                 yield Update(task, None)

@@ -1,5 +1,6 @@
-"""Computes figures from the records of searches: thresholds, precision, recall, time to the first failure, and the
-accuracy of verdicts."""
+"""Computes figures from the records of searches: thresholds, precision, recall, time to the first failure, accuracy of
+verdicts.
+"""
 
 from __future__ import annotations
 
@@ -30,17 +31,17 @@ def weakest(strengths: Sequence[float], finds: Callable[[float], bool]) -> float
 
 @dataclass(frozen=True)
 class Score:
-    """The score of one search. A failure is the fault's if the healthy driver passes the same run.
+    """The score of one search. The fault causes a failure if the healthy driver passes the same run.
 
     Attributes:
-        failing, the_faults: number of failing children, and of those that are the fault's; of test cases if only these
-            were driven.
-        findings, right_findings: the same with equal stories merged; a finding is the fault's if at least half of its
-            failures are.
+        failing, the_faults: number of failing children, and of those that the fault causes; of test cases if only these
+        were driven.
+        findings, right_findings: the same numbers after failures with equal stories are merged; the fault causes a
+        finding if it causes at least half of its failures.
         true_findings: number of the fault's findings, including test cases.
         recall: share of the fault's findings of all approaches that this search has; None if there are none.
-        first_s: simulated time until the end of the first failure that is the fault's, s; infinite: none.
-        said, said_right: number of failing runs that a judge calls avoidable, and of those that are the fault's.
+        first_s: simulated time until the end of the first failure that the fault causes, s; infinite if there is none.
+        said, said_right: number of failing runs that a judge calls avoidable, and of those that the fault causes.
         simulated_s, wall_s: simulated time and wall time of the search.
     """
 
@@ -58,17 +59,17 @@ class Score:
 
     @property
     def precision(self) -> float | None:
-        """Share of the failing runs that is the fault's; None without failures."""
+        """Return the share of the failing runs that the fault causes; None without failures."""
         return self.the_faults / self.failing if self.failing else None
 
     @property
     def precision_of_said(self) -> float | None:
-        """Share of the failures called avoidable that is the fault's."""
+        """Return the share of the failures called avoidable that the fault causes."""
         return self.said_right / self.said if self.said else None
 
     @property
     def precision_of_findings(self) -> float | None:
-        """Share of the findings that is the fault's."""
+        """Return the share of the findings that the fault causes."""
         return self.right_findings / self.findings if self.findings else None
 
 
@@ -78,7 +79,7 @@ def detects(evidence: Evidence, simulated_s: float) -> bool:
 
 
 def true_findings(evidence: Evidence, simulated_s: float) -> frozenset[tuple[str, ...]]:
-    """Return the findings that are the fault's."""
+    """Return the findings that the fault causes."""
     return frozenset(finding for finding, share in _shares(evidence.failures(simulated_s)).items() if share >= 1 / 2)
 
 
@@ -116,7 +117,7 @@ def _score(evidence: Evidence, all_findings: frozenset[tuple[str, ...]], simulat
 
 
 def _shares(failures: Iterable[Failure]) -> dict[tuple[str, ...], float]:
-    """Return, for each finding, the share of its failures that is the fault's."""
+    """Return, for each finding, the share of its failures that the fault causes."""
     groups: dict[tuple[str, ...], list[bool]] = defaultdict(list)
     for failure in failures:
         groups[failure.finding].append(failure.is_the_faults)
@@ -125,9 +126,10 @@ def _shares(failures: Iterable[Failure]) -> dict[tuple[str, ...], float]:
 
 @dataclass(frozen=True)
 class Confusion:
-    """Agreement of a judge with the ground truth; `true_yes`: failures of the fault that it calls avoidable.
+    """How well a judge agrees with the ground truth.
 
     Attributes:
+        true_yes: number of failures caused by the fault that the judge calls avoidable.
         open: failures that it does not decide; they count as called unavoidable.
     """
 
@@ -139,19 +141,21 @@ class Confusion:
 
     @property
     def balanced(self) -> float | None:
-        """Balanced accuracy: mean of the shares of correct answers for the fault's failures and for the others."""
+        """Return the balanced accuracy: the mean of the shares of right answers for the fault's failures and for the
+        others.
+        """
         own, others = self.true_yes + self.false_no, self.true_no + self.false_yes
         return (self.true_yes / own + self.true_no / others) / 2 if own and others else None
 
     @property
     def precision(self) -> float | None:
-        """Share of the failures that it calls avoidable that is the fault's."""
+        """Return the share of the failures called avoidable that the fault causes."""
         called = self.true_yes + self.false_yes
         return self.true_yes / called if called else None
 
     @property
     def recall(self) -> float | None:
-        """Share of the fault's failures that it calls avoidable."""
+        """Return the share of the failures caused by the fault that the judge calls avoidable."""
         own = self.true_yes + self.false_no
         return self.true_yes / own if own else None
 

@@ -1,4 +1,4 @@
-"""Adds the plug-in with the faulty drivers to the path of this process and of the processes that it starts."""
+"""Adds the plug-in with the faulty drivers to the import path of this process and of the processes that it starts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def add_plug_in() -> None:
 def address(fault: str, strength: float) -> str:
     """Return the address of a faulty driver, `fault:pdm/late_objects@0.4`, and allow it to start."""
     text = f"fault:{fault}@{strength:g}"
-    allow(text)  # an address with a colon is a program to `drivers.consent`
+    allow(text)  # `drivers.consent` treats an address with a colon as a program
     return text
 
 

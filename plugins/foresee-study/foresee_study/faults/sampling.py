@@ -1,5 +1,4 @@
-"""Selects the test cases of the benchmark: one half of the library by the hash of their names, in a stratified
-order."""
+"""Selects the test cases of the benchmark: a half of the library by the hash of their names, in a stratified order."""
 
 from __future__ import annotations
 
@@ -26,7 +25,9 @@ def name(case: TestCase) -> str:
 
 
 def stratified(cases: Sequence[TestCase]) -> list[TestCase]:
-    """Return test cases in an order in which every prefix has each family's share; in a family by the name's hash."""
+    """Return test cases in an order in which each prefix has every family in its share; within a family, in the order
+    of the names' hashes.
+    """
     families: dict[str, list[TestCase]] = defaultdict(list)
     for case in sorted(cases, key=lambda case: _hash(name(case) + " order")):
         families[case.family].append(case)

@@ -60,14 +60,16 @@ class Search:
 
     @property
     def settings(self) -> CampaignSettings:
-        """The settings of its campaign."""
+        """Return the settings of the search's campaign."""
         driver, twin = address(self.fault, self.strength), healthy(self.fault)
         against = (twin, *(judge for judge in self.judges if judge != twin))
         base = CampaignSettings(driver=driver, against=against, seed=self.seed, rules=RulesMode.OFF)
         return replace(base, **(self.approach.settings or {}))
 
     def key(self, cases: Sequence[TestCase]) -> str:
-        """Return a hash of everything that its result depends on: settings, drivers, test cases, code."""
+        """Return a hash of everything on which the result of the search depends: settings, drivers, test
+        cases, code.
+        """
         settings = self.settings
         drivers = [driver_identity(driver) for driver in (settings.driver, *settings.against)]
         code = step_code("foresee_dsl.campaign.execution.engine")
@@ -100,7 +102,7 @@ def _campaign(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Ra
 
 
 def _plain(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Ran, ...]:
-    """Drive the unchanged test cases, with one seed after the other."""
+    """Drive the unchanged test cases, with one seed of the sensors' noise after the other."""
     runs: list[Ran] = []
     left_s = search.simulated_s
     for seed in range(search.seed, search.seed + MOST_SEEDS):
@@ -118,7 +120,7 @@ def _run(
 ) -> CampaignResult:
     with Store(work / "store") as store:
         options = RunOptions(executor=lambda _: executor)
-        # An interrupted search begins again: the order of its runs is part of its result.
+        # An interrupted search begins from scratch, because the order of its runs is part of its result.
         store.execute("DELETE FROM runs")
         return run_campaign(cases, settings, out=work / "out", store=store, options=options)
 
@@ -164,7 +166,8 @@ def _verdicts(run: CaseRunOutcome | ChildOutcome, others: Mapping[str, Reference
     if others:
         verdicts[DIFFERENTIAL] = any(reference.avoids for reference in others.values())
     verdicts[ANY] = any(verdicts.values())
-    judgement = replace(run, references=tuple(others.values())).responsibility  # not by the healthy driver's run
+    # Not decided by the healthy driver's run.
+    judgement = replace(run, references=tuple(others.values())).responsibility
     if judgement is not None:
         verdicts[DRIVERS] = judgement.whose is Whose.DRIVER
         verdicts[NOT_EXCUSED] = judgement.whose in (Whose.DRIVER, Whose.ARGUABLE)

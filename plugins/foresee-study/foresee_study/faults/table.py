@@ -18,8 +18,9 @@ class Benchmark:
     Attributes:
         approaches, faults, strengths: in their order. reference: strength at which all approaches are compared.
         simulated_s: limit of simulated time of each search. thresholds: weakest detected strength by fault and
-            approach, infinite: none. compared: the searches at the reference strength. skipped: parts that could not be
-            done, one line each. cases: number of test cases by fault. wall_s: core seconds of all searches.
+            approach; infinite if none was detected. compared: the searches at the reference strength. skipped: parts
+            that were left out, one line each. cases: number of test cases by fault. wall_s: core seconds of all
+            searches.
     """
 
     approaches: tuple[str, ...]
@@ -40,7 +41,7 @@ class Benchmark:
 
     @property
     def verdicts(self) -> dict[str, Confusion]:
-        """The accuracy of each judge, over the failures of all campaigns at the reference strength."""
+        """Return the accuracy of each judge, over the failures of all campaigns at the reference strength."""
         return confusions(failure for search in self.compared for failure in search.of_children(self.simulated_s))
 
 
@@ -142,8 +143,8 @@ def _faults(benchmark: Benchmark) -> list[str]:
     lines = [
         "## Faults",
         "",
-        "Threshold: the weakest strength that is detected. Numbers: at the middle strength, the failing mutants that "
-        "the fault causes, of all failing ones (for plain: test cases).",
+        "Threshold: the weakest strength that is detected. Numbers: at the middle strength, how many failing mutants "
+        "the fault causes, of all failing mutants (for plain: of test cases).",
         "",
     ]
     rows = []

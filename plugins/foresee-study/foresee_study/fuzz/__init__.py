@@ -1,5 +1,4 @@
-"""DriveFuzz (Kim et al., CCS 2022) on test cases of this language: it mutates whole scenes, and mutates the worst drive
-again. It does not use risky points: forecasting is compared with it.
+"""DriveFuzz (Kim et al., CCS 2022) for test cases of this language, with which forecasting is compared.
 
-Begin reading at `engine.py`.
+It mutates whole scenes, and mutates the worst drive again; it does not use risky points. Begin reading at `engine.py`.
 """

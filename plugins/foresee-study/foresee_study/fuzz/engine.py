@@ -1,4 +1,5 @@
-"""Runs DriveFuzz on many test cases: each is mutated cycle after cycle; the worst drive of a cycle is the next parent.
+"""Runs DriveFuzz on many test cases: each is mutated cycle after cycle, and the worst drive of a cycle is mutated in
+the next one.
 
 The mutations of a cycle are independent of each other, and each result is stored under a key of all its inputs. So the
 result is the same for any number of workers, and a stopped command continues with the missing runs. Mutations after a
@@ -35,7 +36,7 @@ from foresee_study.fuzz.texts import Original, file_text, original_of
 from foresee_study.fuzz.worker import Job, run_job
 
 KIND = "fuzz"
-"""Kind of DriveFuzz's rows in a store."""
+"""Kind of DriveFuzz's rows in a store, which campaigns do not use."""
 _WORKER = "foresee_study.fuzz.worker"
 
 
@@ -53,10 +54,10 @@ def fuzz(
     Args:
         cases: the original test cases: written or random scenarios, or results of an earlier fuzzing run. A test case
             that fails without mutation is not mutated.
-        settings: those of the run.
+        settings: settings of the run.
         out: folder in which `mutated` and `fuzz.json` are replaced.
-        store: open for writing; a campaign's store can be used.
-        listeners: are notified of each run.
+        store: a store that is open for writing; that of a campaign can be used. listeners: they are notified of each
+            run.
         options: number of workers, limits, stop signal.
 
     Raises:
@@ -89,16 +90,16 @@ class _Progress:
     plain: Outcome | None = None
     cycles: list[dict[int, Outcome]] = field(default_factory=list)
     parents: list[str] = field(default_factory=lambda: [""])
-    """The lines of the parent of each cycle."""
+    """For each cycle, the lines of the mutated test case that is mutated in it."""
     chosen: list[int] = field(default_factory=list)
     waits: set[int] = field(default_factory=set)
-    """The numbers of the mutations in progress in the cycle; 0: the unmutated test case."""
+    """The numbers of the mutations of the cycle that are being run; 0 means the unmutated test case."""
     lost: bool = False
-    """Whether the test case cannot be continued."""
+    """Whether the test case must be given up, because a run of it could not be done."""
 
     @property
     def over(self) -> bool:
-        """Whether no run remains for the test case."""
+        """Return whether no run remains for the test case."""
         if self.lost or self.plain is None:
             return self.lost
         return self.plain.verdict is not Verdict.PASS or self._failed() > 0 or len(self.chosen) == self.settings.cycles
@@ -122,7 +123,7 @@ class _Progress:
         return [k for k in range(1, self.settings.mutations + 1) if k not in done][:most]
 
     def take(self, number: int, outcome: Outcome) -> None:
-        """Store the outcome of a mutation; at the end of a cycle choose the next parent."""
+        """Store the outcome of a mutation; at the end of a cycle, choose the test case that is mutated next."""
         self.waits.discard(number)
         if number == 0:
             self.plain = outcome
@@ -130,7 +131,7 @@ class _Progress:
         runs = self.cycles[-1]
         runs[number] = outcome
         if len(runs) == self.settings.mutations and not self._failed():
-            # The score of a driver that broke, or of an impossible mutation, is meaningless.
+            # If the driver crashed, or the mutation was impossible, the score means nothing.
             usable = [k for k in sorted(runs) if runs[k].verdict in (Verdict.PASS, Verdict.TIMEOUT)]
             best = min(usable, key=lambda k: (runs[k].quality.score, k), default=0)
             self.chosen.append(best)
@@ -142,7 +143,7 @@ class _Progress:
         for k, runs in enumerate(self.cycles, start=1):
             last = k == len(self.cycles)
             counted = {n: outcome for n, outcome in sorted(runs.items()) if not (last and failed and n > failed)}
-            if last and not failed:  # of a stopped cycle only the runs before the first missing one count
+            if last and not failed:  # of a cycle that was stopped, only the runs before the first missing one count
                 counted = {n: outcome for n, outcome in counted.items() if all(j in runs for j in range(1, n))}
             chosen = self.chosen[k - 1] if k <= len(self.chosen) else 0
             if counted:
@@ -202,8 +203,9 @@ class _Fuzzing:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _hand_out(self) -> None:
-        """Begin mutations: of each test case only enough to keep the workers busy, because a failure ends the test
-        case."""
+        """Begin mutations: for each test case only as many as keep the workers busy, because a failure ends the test
+        case.
+        """
         ahead = True
         while ahead and not self._stop():
             ahead = False
@@ -214,7 +216,9 @@ class _Fuzzing:
                     ahead |= self._begin(progress, number)
 
     def _begin(self, progress: _Progress, number: int) -> bool:
-        """Take a mutation's result from the store, or pass it to a worker; return whether it was in the store."""
+        """Take the result of a mutation from the store, or pass the mutation to a worker; return whether the store had
+        the result.
+        """
         cycle = len(progress.cycles) if number else 0
         parent = progress.parents[-1] if number else ""
         job = Job(progress.original, parent, cycle, number, progress.case.meaning, self._settings, self._folder,
@@ -226,7 +230,7 @@ class _Fuzzing:
             progress.take(number, decode(row.record))
             return True
         progress.waits.add(number)
-        # A mutation has a limited number of attempts of some seconds each; the last run has its full length.
+        # A mutation may need several attempts of some seconds each; only the last attempt has the full length.
         simulated_s = longest_s(progress.case) + s.TRIES * s.FIRST_S
         task = Task(job.name, run_job, job, self._options.limits.for_run(simulated_s), key)
         self._running[key] = progress, number, job
@@ -256,7 +260,7 @@ class _Fuzzing:
             verdict=outcome.verdict.value, reason=outcome.reason, broken=broken, simulated_s=outcome.duration_s,
             wall_s=outcome.wall_s,
         )  # fmt: skip
-        # A process that was ended from outside has no result: the next fuzzing run repeats it.
+        # If a process was ended from outside, its run has no result, and the next fuzzing run repeats it.
         self._tell(row if ended_outside else self._store.add(row), new=True)
         progress.take(number, outcome)
 

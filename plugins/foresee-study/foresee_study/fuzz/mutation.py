@@ -1,4 +1,4 @@
-"""Creates one mutation of a test case: the added and changed lines of its parent, plus one more change."""
+"""Creates one mutation of a test case: the added and changed lines of its parent, and one more change."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from foresee_study.fuzz.placement import Around, LanePlace
 Line = m.Add | m.Replace
 """A line of a mutated test case: `add ...` or `change ...`."""
 Manner = Literal["linear", "autonomous", "immobile"]
-"""Motion of an added actor: straight on regardless of others, along lanes (or sidewalks) like traffic, or none."""
+"""How an added actor moves: straight on regardless of others, along lanes (or sidewalks) like traffic, or not at
+all."""
 MANNERS: tuple[Manner, ...] = ("linear", "autonomous", "immobile")
 DIGITS = 2
 """Decimals of random metres, m/s and degrees (ours: centimetres)."""
 _NAME, _PATCH = "fuzz", "slick"
 _Beginning = tuple[tuple[m.ActorItem, ...], m.State | None, PlacedActor]
-"""The items of an actor's block, its state, and its placement."""
+"""The items of an actor's block, its state, and where it is placed."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +64,18 @@ class Mutator:
         self._specs = {name: spec_of(model) for name, model in sorted(case.models.items())}
 
     def one_change(self) -> Mutated | None:
-        """Add a slippery patch, change the weather, or add or move an actor; None if the random choice is
-        impossible."""
+        """Return the parent with a slippery patch, other weather, or an added or moved actor; None if the random choice
+        is impossible.
+        """
         draw = float(self._rng.random())
         if draw < s.PATCH_SHARE:
             return self._patch()
         return self._weather() if draw < s.PATCH_SHARE + s.WEATHER_SHARE else self._actor()
 
     def all_changes(self) -> Mutated | None:
-        """Add or move an actor, change the weather, and in one of four cases add a patch; None as in `one_change`."""
+        """Return the parent with an added or moved actor, other weather, and in one of four cases a patch; None as in
+        `one_change`.
+        """
         changes: list[Callable[[], Mutated | None]] = [self._actor, self._weather]
         if float(self._rng.random()) < s.PATCH_SHARE:
             changes.append(self._patch)
@@ -126,7 +130,7 @@ class Mutator:
         return Mutated((*self._lines, m.Add(item=actor)), f"adds {self._description(actor, manner)}")
 
     def _moved(self, line: Line, old: m.Actor) -> Mutated | None:
-        """Move an added actor to another place; its kind of motion stays."""
+        """Return the parent with an added actor at another place; the actor's kind of motion stays."""
         manner: Manner = "immobile"
         if any(isinstance(item, m.EdgeRoute) for item in old.body):
             manner = "autonomous"

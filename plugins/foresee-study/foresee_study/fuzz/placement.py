@@ -35,7 +35,7 @@ class LanePlace:
 
     @property
     def pose(self) -> tuple[float, float, float]:
-        """x, y (m) and heading (rad) there."""
+        """Return x, y (m) and heading (rad) of the place."""
         return self.lane.line.at(self.along_m)
 
 
@@ -60,7 +60,8 @@ class Around:
     def on_lanes(self, spec: ModelSpec, *, blocks: bool = False) -> Iterator[LanePlace]:
         """Yield places on lanes for a model, in random order.
 
-        `blocks`: the actor stands there for the whole run, so a place on the ego's route needs another lane beside it.
+        `blocks`: whether the actor stands there for the whole run; a place on the ego's route then needs another lane
+        beside it.
         """
         places = self._lane_places(lane_kind(spec), blocks=blocks)
         for k in self.rng.permutation(len(places))[: s.PLACES_TRIED]:
@@ -80,8 +81,9 @@ class Around:
             yield places[int(k)]
 
     def on_ground(self) -> XY | None:
-        """Return the centre of a slippery patch on a lane, m, at a distance from the ego as for actors; None without a
-        place."""
+        """Return the centre of a slippery patch on a lane, m, as far from the ego as actors are placed; None without a
+        place.
+        """
         places = [place for place in self._lane_places("car") if place.lane.speed_mps > 0]
         if not places:
             return None
@@ -89,8 +91,9 @@ class Around:
         return x, y
 
     def is_free(self, actor: PlacedActor) -> bool:
-        """Return whether an actor has free space around it, and a vehicle also enough free lane in front of and behind
-        it."""
+        """Return whether an actor has free space around it and, if it is a vehicle, enough free lane before and behind
+        it.
+        """
         box = shapely.Polygon(footprint(actor))
         if any(box.distance(other) < s.ROOM_M for other in self._taken):
             return False
@@ -129,7 +132,7 @@ class Around:
         return walk.points if walk is not None else None
 
     def route(self, place: LanePlace, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
-        """Return a random route from a place on, of this length or to the end of the network."""
+        """Return a random route from a place on, of this length or up to the end of the network."""
         missing_m -= place.lane.line.length_m - place.along_m
         return random_route(self.network, self.rng, place.lane, missing_m, kind, most_edges=math.inf)
 

@@ -1,7 +1,7 @@
-"""Computes DriveFuzz's driving-quality metrics of a run from its trace; a lower score is worse.
+"""Computes DriveFuzz's driving-quality metrics of a run from its trace; a lower score means worse driving.
 
 It counts the frames in which the ego accelerated, braked or turned hard, or lost grip, and adds the inverse of the
-least distance to another actor. `docs/background/fuzz.md` defines each metric in the columns of a trace, with the
+smallest distance to another actor. `docs/background/fuzz.md` defines each metric in the columns of a trace, with the
 source of its threshold.
 """
 
@@ -19,26 +19,28 @@ from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEER, STEP_S, YAW_R
 HARD_MPS2 = 21.2 / 3.6
 """Hard acceleration and braking, m/s^2: DriveFuzz's 21.2 km/h in a second."""
 TURNS_MPS2 = 4.89
-"""Lateral acceleration of a hard turn, m/s^2: nuPlan's bound of a comfortable one. DriveFuzz divides the lateral speed
-by the steering wheel's angle, which in a kinematic model is geometry alone."""
+"""Lateral acceleration above which a turn is hard, m/s^2: nuPlan's bound of comfort. DriveFuzz divides the lateral
+speed by the steering wheel's angle, which in a kinematic model is geometry alone."""
 ROLLS_MPS = 5.0 / 3.6
 """Speed below which over- and understeer do not count, m/s: DriveFuzz's 5 km/h."""
 SWINGS_MPS2 = 0.1 * 9.81
-"""Oversteer: least difference of the lateral acceleration from its mean over `MEAN_S`, m/s^2: DriveFuzz's 0.1 g between
-its two low-pass filters."""
+"""The ego oversteers if its lateral acceleration differs from its mean over `MEAN_S` by at least this, m/s^2:
+DriveFuzz's 0.1 g between its two low-pass filters."""
 SPINS_RAD_S = float(np.radians(17.5))
-"""Oversteer: yaw rate above which DriveFuzz's fuzzy rules do not call it small, rad/s."""
+"""The ego oversteers if its yaw rate is above this, rad/s: DriveFuzz's fuzzy rules no longer call it small."""
 MEAN_S = 1.0
 """Window of the moving mean, s. Ours: a moving mean of 1 s passes frequencies below 0.44 Hz, like DriveFuzz's heavy
 filter of 0.5 Hz."""
 STEERS_RAD = float(np.radians(1.0))
-"""Understeer: least angle of the front wheels, rad. Ours, for DriveFuzz's 10 degrees of the steering wheel."""
+"""The ego understeers only if its front wheels are turned by at least this, rad. Ours, for DriveFuzz's 10 degrees of
+the steering wheel."""
 WIDE_SHARE = 0.9
-"""Understeer: largest share of the yaw rate that the wheel angle implies. Ours: 10 % is far beyond rounding errors."""
+"""The ego understeers if its yaw rate is at most this share of what the wheel angle implies. Ours: 10 % is far more
+than rounding errors."""
 FAR_M = 100.0
 """Distance beyond which actors do not count, m: DriveFuzz's 100 m."""
 TOUCHES_M = 0.1
-"""Lowest distance in the inverse, m (ours: the inverse would grow without bound)."""
+"""Lowest distance of which the inverse is computed, m. Ours: the inverse would grow without bound."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Quality:
 
     @property
     def score(self) -> float:
-        """The driving-quality score: minus the sum of all metrics."""
+        """Return the driving-quality score: minus the sum of all metrics."""
         counts = self.hard_acceleration + self.hard_braking + self.hard_turning + self.oversteer + self.understeer
         return -(counts + self.nearness)
 

@@ -23,7 +23,7 @@ class Outcome:
     Attributes:
         lines: the lines of its file that add or change statements of the original test case, as text.
         what: its mutation in words.
-        verdict, with_, reason, time_s, duration_s: those of its run; `with_` is the actor that the ego hit, or "".
+        verdict, with_, reason, time_s, duration_s: the end of its run; `with_` is the actor that the ego hit, or "".
         wall_s: wall time of the draws and the run, s.
         quality: the driving quality of the ego.
         refused: number of impossible draws before it.
@@ -41,12 +41,15 @@ class Outcome:
     quality: Quality
     refused: int = 0
     digest: str = ""
-    """The digest of its trace."""
+    """The digest of the run's trace."""
 
 
 @dataclass(frozen=True)
 class FuzzRun:
-    """A mutated test case, as reported. `file`: relative to the output folder; `address`: the file with its case."""
+    """A mutated test case as it is reported.
+
+    `file`: its path relative to the output folder; `address`: the file with its case.
+    """
 
     name: str
     cycle: int
@@ -78,59 +81,61 @@ class FuzzRun:
 
     @property
     def what(self) -> str:
-        """The mutation in words."""
+        """Return the mutation in words."""
         return self.outcome.what
 
     @property
     def score(self) -> float:
-        """The driving quality; lower is worse."""
+        """Return the driving quality; a lower value is worse."""
         return self.outcome.quality.score
 
     @property
     def quality(self) -> Quality:
-        """The parts of the score."""
+        """Return the parts of the score."""
         return self.outcome.quality
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict of its run."""
+        """Return the verdict of the run."""
         return self.outcome.verdict
 
     @property
     def with_(self) -> str:
-        """The actor that the ego hit, or ""."""
+        """Return the id of the actor that the ego hit, or ""."""
         return self.outcome.with_
 
     @property
     def reason(self) -> str:
-        """The verdict in words."""
+        """Return the verdict in words."""
         return self.outcome.reason
 
     @property
     def time_s(self) -> float:
-        """Time of the verdict, s."""
+        """Return the time of the verdict, s."""
         return self.outcome.time_s
 
     @property
     def duration_s(self) -> float:
-        """Simulated time of the run, s."""
+        """Return the simulated time of the run, s."""
         return self.outcome.duration_s
 
     @property
     def refused(self) -> int:
-        """Number of impossible draws before it."""
+        """Return the number of impossible draws before this mutation."""
         return self.outcome.refused
 
     @property
     def digest(self) -> str:
-        """The digest of its trace."""
+        """Return the digest of the run's trace."""
         return self.outcome.digest
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """The mutations of one parent. `chosen`: the number of the one that is mutated next; 0 if the test case ended
-    here."""
+    """The mutations of one parent.
+
+    `chosen`: the number of the mutation that is mutated in the next cycle; 0 if the test case ended here.
+    """
 
     number: int
     runs: tuple[FuzzRun, ...]
@@ -142,7 +147,7 @@ class Cycle:
 
     @property
     def best(self) -> float:
-        """The lowest score of the cycle, which DriveFuzz searches for."""
+        """Return the lowest score of the cycle, which is what DriveFuzz searches for."""
         return min((run.score for run in self.runs), default=0.0)
 
 
@@ -180,70 +185,73 @@ class FuzzedCase:
 
     @property
     def verdict(self) -> Verdict | None:
-        """The verdict of its unmutated run."""
+        """Return the verdict of the unmutated run."""
         return self.plain.verdict if self.plain is not None else None
 
     @property
     def reason(self) -> str:
-        """The verdict of its unmutated run, in words."""
+        """Return the verdict of the unmutated run, in words."""
         return self.plain.reason if self.plain is not None else "not run yet"
 
     @property
     def usable(self) -> bool:
-        """Whether it passes unmutated; a failure without mutation does not count."""
+        """Return whether the test case passes unmutated; a failure without mutation does not count."""
         return self.verdict is Verdict.PASS
 
     @property
     def every(self) -> tuple[FuzzRun, ...]:
-        """All runs of mutated test cases."""
+        """Return all runs of mutated test cases."""
         return tuple(run for cycle in self.cycles for run in cycle.runs)
 
     @property
     def failed(self) -> FuzzRun | None:
-        """The failing mutation, which ended the test case; None without a failure."""
+        """Return the failing mutation, which ended the test case; None without a failure."""
         return next((run for run in self.every if run.verdict.is_failure), None)
 
     @property
     def failure(self) -> str | None:
-        """The name of the failing mutation, for documents."""
+        """Return the name of the failing mutation, for documents."""
         return self.failed.name if self.failed is not None else None
 
     @property
     def passed(self) -> tuple[FuzzRun, ...]:
-        """The mutated test cases that pass."""
+        """Return the mutated test cases that pass."""
         return tuple(run for run in self.every if run.verdict is Verdict.PASS)
 
     @property
     def passing(self) -> list[str]:
-        """The addresses of the passing mutated test cases, relative to the output folder."""
+        """Return the addresses of the passing mutated test cases, relative to the output folder."""
         return [run.address for run in self.passed]
 
     @property
     def worst(self) -> FuzzRun | None:
-        """The passing drive with the lowest score in the last cycle that has one; None if there is none."""
+        """Return the passing drive with the lowest score in the last cycle that has one; None if there is none."""
         chosen = [run for cycle in self.cycles for run in cycle.runs if run.number == cycle.chosen]
         return next((run for run in reversed(chosen) if run.verdict is Verdict.PASS), None)
 
     @property
     def last(self) -> str | None:
-        """The address of `worst`, for documents."""
+        """Return the address of `worst`, for documents."""
         return self.worst.address if self.worst is not None else None
 
     @property
     def runs(self) -> int:
-        """Number of its runs, including the unmutated one."""
+        """Return the number of runs, including the unmutated one."""
         return len(self.every) + (self.plain is not None)
 
     @property
     def simulated_s(self) -> float:
-        """Simulated time of all its runs, s."""
+        """Return the simulated time of all runs, s."""
         plain_s = self.plain.duration_s if self.plain is not None else 0.0
         return plain_s + sum(run.duration_s for run in self.every)
 
 
 @dataclass(frozen=True)
 class FuzzResult:
-    """A whole fuzzing run. `broken`: runs that could not be done, in words; `interrupted`: whether it was stopped."""
+    """The result of fuzzing several test cases.
+
+    `broken`: runs that could not be run, in words; `interrupted`: whether it was stopped.
+    """
 
     settings: FuzzSettings
     seeds: tuple[FuzzedCase, ...]
@@ -266,23 +274,25 @@ class FuzzResult:
 
     @property
     def failures(self) -> int:
-        """Number of test cases that ended with a failing mutation."""
+        """Return the number of test cases that ended with a failing mutation."""
         return sum(case.failed is not None for case in self.seeds)
 
     @property
     def all_passed(self) -> bool:
-        """Whether every test case passes unmutated, no mutation failed, and the driver crashed in none."""
+        """Return whether every test case passes unmutated, no mutation failed, and the driver never crashed."""
         good = all(case.usable and case.failed is None for case in self.seeds)
         return good and not any(run.verdict is Verdict.CRASH for case in self.seeds for run in case.every)
 
     @property
     def simulated_s(self) -> float:
-        """Simulated time of all runs, s."""
+        """Return the simulated time of all runs, s."""
         return sum(case.simulated_s for case in self.seeds)
 
     @property
     def by_cycle(self) -> list[CycleMean]:
-        """Of each cycle: the number of test cases that reached it, its failures, and the mean of the lowest scores."""
+        """Return, for each cycle, the number of test cases that reached it, its failures, and the mean of the lowest
+        scores.
+        """
         summaries = []
         for number in range(1, self.settings.cycles + 1):
             best = [cycle.best for case in self.seeds for cycle in case.cycles if cycle.number == number]

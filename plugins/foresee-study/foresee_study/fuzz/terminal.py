@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 _CALLED = {Verdict.PASS: "passed", Verdict.INVALID: "impossible", Verdict.CRASH: "broke the driver"}
-"""Names of outcomes other than failures in the headline."""
+"""Names in the headline of outcomes that are not failures."""
 
 
 class FuzzProgress(Listener):

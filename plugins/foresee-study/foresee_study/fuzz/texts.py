@@ -48,7 +48,7 @@ def original_of(case: TestCase) -> Original:
 
 
 def _alone(file: Path, name: str) -> list[m.ExtensionItem]:
-    """Return the lines that leave only one of a file's cases."""
+    """Return the lines that drop all cases of a file except one."""
     project = Project()
     written, drawn = project.whole_scenario(file, drawn=False), project.whole_scenario(file)
     lines: list[m.ExtensionItem] = [
@@ -96,7 +96,8 @@ def file_text(
         driver, outcome: the driver of its run and the run's outcome, for an `expected` line; None without a run.
     """
     body: list[m.ExtensionItem] = [m.Doc(text=" ".join(about.replace('"', "'").split()))] if about else []
-    if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:  # it may be in time on another machine
+    # A timeout may not happen again on another machine.
+    if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:
         expected = Ending(outcome.verdict, outcome.with_).expected_of(driver)
         body += [] if expected is None else [expected]
     body += [*original.alone, *lines_of(text)]

@@ -1,4 +1,4 @@
-"""Work of a worker process: it draws one mutation of a test case, writes it as a scenario, and runs it."""
+"""The work of a worker process: it draws one mutation of a test case, writes it as a scenario, and runs it."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Its name in messages."""
+        """Return the name of the mutation in messages."""
         stem, case = self.original.file.stem, self.original.case
         return f"{stem}{'_' if case else ''}{case} {self.cycle}.{self.number}"
 
 
 def run_job(job: Job) -> Outcome:
-    """Draw mutations until one is possible, and run it."""
+    """Draw mutations until one is possible; run it, and return the outcome."""
     started = time.perf_counter()
     original = _case(job.original, "", job.folder)
     if not job.cycle:
@@ -89,7 +89,7 @@ def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> Outcome | str
     if outcome.verdict is Verdict.INVALID:
         return outcome.reason
     if outcome.with_ in mutated.added and outcome.time_s < s.FIRST_S:
-        return f"{outcome.with_} was hit after {outcome.time_s:.2f} s, too early to be avoided"
+        return f"{outcome.with_} was hit after {outcome.time_s:.2f} s, which is too early for a driver to react"
     return outcome
 
 
@@ -111,8 +111,10 @@ def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> Outc
 
 
 def _generator(job: Job, again: int) -> np.random.Generator:
-    """Return the random generator of a mutation. Its seed depends on the original, on the mutation's cycle and number,
-    and on the number of refused draws."""
+    """Return the random generator of a mutation.
+
+    Its seed depends on the original, on the mutation's cycle and number, and on the number of refused draws.
+    """
     parts = (job.meaning, job.settings.seed, job.cycle, job.number, again)
     return np.random.Generator(
         np.random.PCG64(int.from_bytes(hashlib.sha256("\n".join(map(str, parts)).encode()).digest()[:8], "big"))
@@ -121,7 +123,9 @@ def _generator(job: Job, again: int) -> np.random.Generator:
 
 @lru_cache(maxsize=16)
 def _case(original: Original, text: str, folder: Path) -> TestCase:
-    """Return a mutated test case (the original if there are no lines), parsed from its file's text like any file."""
+    """Return a mutated test case (without lines, the original), which is parsed from the text of its file like any
+    other file.
+    """
     if not text:
         return Project().test_case(f"{original.file}::{original.case}" if original.case else original.file)
     file = folder / "mutated.foresee"

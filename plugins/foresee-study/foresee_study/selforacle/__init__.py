@@ -1,2 +1,3 @@
-"""SelfOracle (Stocco et al., ICSE 2020): finds moments whose front camera pictures an autoencoder cannot
-reconstruct."""
+"""SelfOracle (Stocco et al., ICSE 2020): it finds moments whose front-camera pictures an autoencoder cannot
+reconstruct.
+"""

@@ -1,4 +1,4 @@
-"""What the front camera saw in a recorded run, twice a second: classes of pixels, and their colours."""
+"""The pictures of the front camera in a recorded run, two a second: the class of each pixel, and its colours."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 EVERY_S = 0.5
-"""Time between two pictures: 2 a second, as the paper's training data (section 4.3.2)."""
+"""Time between two pictures, s: 2 a second, as in the paper's training data (section 4.3.2)."""
 ROWS, COLUMNS = 80, 160
 """Size of SelfOracle's pictures (its `IMAGE_HEIGHT`, `IMAGE_WIDTH`)."""
 CLASSES = len(FORWARD_CHANNELS)
-"""Classes of pixels: those of the forward view without the depth, and one for pixels that show nothing."""
+"""Number of classes of pixels: those of the forward view without the depth, and a class for pixels that show
+nothing."""
 
 _ROW_OF = np.arange(ROWS) * FORWARD.rows // ROWS
-"""The row of the forward view that each row of a picture shows."""
+"""For each row of a picture, the row of the forward view that it shows."""
 
 
 def looked_at(trace: Trace, every_s: float = EVERY_S) -> NDArray[np.intp]:
-    """Return the frames of a run that pictures are drawn of."""
+    """Return the frames of a run of which pictures are drawn."""
     return np.arange(0, trace.frames, round(every_s / STEP_S))
 
 
 def classes_seen(trace: Trace, surroundings: Surroundings, frames: NDArray[np.intp]) -> NDArray[np.uint8]:
-    """Return what a camera behind the windscreen saw in these frames, [N, 64, 160]: the class of each pixel."""
+    """Return what a camera behind the windscreen saw at these frames, [N, 64, 160]: the class of each pixel."""
     ego = trace.actors[0]
     canvas = Canvas.of_mission(surroundings.network, surroundings.mission, (ego.length_m, ego.width_m))
     recorded = RecordedFrames(trace)
@@ -50,13 +51,13 @@ def classes_of(view: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def pictures_of(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the pictures of pixels' classes [N, 64, 160] in colours: [N, 80, 160, 3]."""
+    """Return the coloured pictures of the classes of pixels [N, 64, 160]: [N, 80, 160, 3]."""
     pictures: NDArray[np.uint8] = PALETTE[classes[:, _ROW_OF]]
     return pictures
 
 
 def signals_at(trace: Trace, surroundings: Surroundings, frame: int) -> dict[str, SignalColour]:
-    """Return what the signals of the ego's route showed in a frame, by `JunctionPassage.signal`."""
+    """Return the colours of the signals on the ego's route at a frame, by `JunctionPassage.signal`."""
     column = {junction: k for k, junction in enumerate(trace.signals)}
     colours: dict[str, SignalColour] = {}
     for passage in surroundings.mission.junctions:
@@ -70,7 +71,7 @@ def signals_at(trace: Trace, surroundings: Surroundings, frame: int) -> dict[str
 
 
 def _palette() -> NDArray[np.uint8]:
-    """Return the colour of each class, [13, 3], as people see the forward view."""
+    """Return the colour of each class, [13, 3], as in the picture of the forward view that people see."""
     each = np.zeros((CLASSES, 1, CLASSES), np.uint8)
     each[np.arange(CLASSES - 1), 0, np.arange(CLASSES - 1)] = 255
     palette: NDArray[np.uint8] = coloured(each)[0]

@@ -1,4 +1,6 @@
-"""The rankers `selforacle` and `selforacle_conv`: segments of a run whose pictures an autoencoder redraws badly."""
+"""The rankers `selforacle` and `selforacle_conv`: they rank parts of a run whose pictures an autoencoder reconstructs
+badly.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +18,12 @@ from foresee_study.selforacle.watcher import watcher_of
 
 @dataclass(frozen=True)
 class SelfOracleSettings:
-    """What the paper leaves open.
+    """Settings that the paper leaves open.
 
     Attributes:
-        same_moment_s: a segment whose middle is nearer than this to that of a better one is the same moment. Ours:
-            1 s, as for the encounters of the forecaster; neighbouring segments of 2 m show almost the same picture.
+        same_moment_s: a segment whose middle is nearer than this to that of a better one counts as the same moment.
+            Ours: 1 s, as for the encounters of the forecaster; neighbouring segments of 2 m show almost the same
+            picture.
     """
 
     same_moment_s: float = 1.0
@@ -28,9 +31,10 @@ class SelfOracleSettings:
 
 @dataclass(frozen=True)
 class SelfOracleRanker:
-    """Segments over the threshold, the largest error first (paper, section 4.3.2); the point is a segment's middle.
+    """Ranks the segments above the threshold, the largest error first (paper, section 4.3.2); the point is a segment's
+    middle.
 
-    A segment below the threshold counts as nominal and gives no risky point; so there are as many points as alarms.
+    A segment below the threshold counts as nominal and gives no risky point, so there are as many points as alarms.
     """
 
     settings: SelfOracleSettings = field(default_factory=SelfOracleSettings)
@@ -42,16 +46,16 @@ class SelfOracleRanker:
         return replace(self, surroundings=surroundings)
 
     def weights_hash(self, driver: str) -> str:
-        """Return the hash of what watches a driver; see `Learned`."""
+        """Return the hash of the weights and the threshold for a driver; see `Learned`."""
         return watcher_of(self.name, driver).sha256
 
     def rank(
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
     ) -> tuple[RiskyPoint, ...]:
-        """Rank the segments of a run; see `Ranker.rank`. The seed does not matter.
+        """Rank the segments of a run; see `Ranker.rank`. The seed has no effect.
 
         Raises:
-            ForeseeError: nothing watches the run's driver, or the surroundings are not known.
+            ForeseeError: there are no weights for the run's driver, or the surroundings are not known.
         """
         del seed, after_s
         threshold = watcher_of(self.name, _driver_of(trace)).threshold
@@ -81,7 +85,7 @@ class SelfOracleRanker:
 
 @dataclass(frozen=True)
 class ConvolutionalRanker(SelfOracleRanker):
-    """The ranker `selforacle_conv`: as `selforacle`, with a convolutional autoencoder."""
+    """The ranker `selforacle_conv`: the same as `selforacle`, but with a convolutional autoencoder."""
 
     name: str = "selforacle_conv"
 

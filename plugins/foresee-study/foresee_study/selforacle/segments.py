@@ -1,4 +1,6 @@
-"""The pieces of a run between consecutive waypoints, each with the mean of its pictures' reconstruction errors."""
+"""Divides a run into segments between consecutive waypoints, each with the mean of its pictures'
+reconstruction errors.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,13 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.trace import Trace, X, Y
 
 _BACK, _ON = 3, 30
-"""Numbers of waypoints behind and ahead of the last one among which the next one is searched. Ours: 6 m and 60 m of
-route, so that a route that comes back to a place is not cut short there."""
+"""Number of waypoints behind and ahead of the last one among which the next one is searched. Ours: 6 m and 60 m of
+route, so that a route that returns to a place is not cut short there."""
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A piece of a run. `first`, `last`: its frames. `error`: mean over its pictures."""
+    """A part of a run between two waypoints. `first`, `last`: its frames. `error`: mean error of its pictures."""
 
     first: int
     last: int
@@ -25,15 +27,17 @@ class Segment:
 
     @property
     def middle(self) -> int:
-        """The frame in its middle."""
+        """Return the frame in the middle of the segment."""
         return (self.first + self.last) // 2
 
 
 def segments_of(trace: Trace, frames: NDArray[np.intp], errors: FloatArray) -> list[Segment]:
-    """Return a run's segments in the order of time, those without a picture left out.
+    """Return a run's segments in the order of time, without those of which there is no picture.
 
     Args:
-        trace: the run. frames: [N] of which pictures were drawn. errors: [N] theirs.
+        trace: the run.
+        frames: [N] frames of which pictures were drawn.
+        errors: [N] the reconstruction errors of these pictures.
     """
     passed = waypoints_passed(trace)
     changes = np.flatnonzero(np.diff(passed)) + 1
@@ -48,7 +52,7 @@ def segments_of(trace: Trace, frames: NDArray[np.intp], errors: FloatArray) -> l
 
 
 def waypoints_passed(trace: Trace) -> NDArray[np.intp]:
-    """Return how many waypoints the ego had passed at each frame, [T]; the count never falls."""
+    """Return the number of waypoints that the ego had passed at each frame, [T]; the number never decreases."""
     points, ego = trace.waypoints, trace.states[:, 0, [X, Y]]
     passed = np.zeros(trace.frames, np.intp)
     if len(points) < 2:

@@ -1,8 +1,8 @@
-"""The trained autoencoder that watches one driver: its weights, what its errors are on nominal driving, its threshold.
+"""The trained autoencoder for one driver: its weights, and the threshold of its errors on nominal driving.
 
-Each driver has its own, since what is nominal depends on who drives: `selforacle_pdm.onnx` (or `selforacle_conv_pdm`)
+Each driver has its own, because what is nominal depends on the driver: `selforacle_pdm.onnx` (or `selforacle_conv_pdm`)
 with `selforacle_pdm.json` beside it. They come with the package; the environment variable `FORESEE_WEIGHTS` names a
-folder that is looked at first.
+folder that is searched first.
 """
 
 from __future__ import annotations
@@ -28,16 +28,18 @@ if TYPE_CHECKING:
 
 BUNDLED = Path(__file__).resolve().parent / "weights"
 _BATCH = 16
-"""Pictures in one call of the network. Ours: a run has about 60; larger batches are not faster on one thread."""
+"""Number of pictures in one call of the network. Ours: a run has about 60; larger batches are not faster on one
+thread."""
 
 
 @dataclass(frozen=True)
 class Watcher:
-    """An autoencoder and what is known of its errors on nominal driving.
+    """An autoencoder together with its threshold.
 
     Attributes:
-        weights: its ONNX file. threshold: the error of a segment that 95 % of nominal segments stay under.
-        sha256: of the weights and of the threshold's file.
+        weights: its ONNX file.
+        threshold: the error of a segment below which 95 % of nominal segments stay.
+        sha256: hash of the weights and of the threshold's file.
     """
 
     weights: Weights
@@ -45,7 +47,9 @@ class Watcher:
     sha256: str
 
     def errors(self, pictures: NDArray[np.uint8]) -> FloatArray:
-        """Return the reconstruction error of each picture [N, 80, 160, 3]: the mean squared error, values 0 to 1."""
+        """Return the reconstruction error of each picture [N, 80, 160, 3]: the mean squared error of values from 0 to
+        1.
+        """
         network = _network(self.weights)
         batches = (pictures[k : k + _BATCH] for k in range(0, len(pictures), _BATCH))
         errors = [network.answers({"pictures": batch})["errors"] for batch in batches]
@@ -53,10 +57,10 @@ class Watcher:
 
 
 def watcher_of(ranker: str, driver: str) -> Watcher:
-    """Return the watcher of a driver, which is named by its address (`pdm`, `external:python3 mine.py`).
+    """Return the autoencoder for a driver, which is named by its address (`pdm`, `external:python3 mine.py`).
 
     Raises:
-        ForeseeError: nothing was trained for it, its files are damaged, or onnxruntime is not installed.
+        ForeseeError: none was trained for the driver, its files are damaged, or onnxruntime is not installed.
     """
     if find_spec("onnxruntime") is None:
         raise ForeseeError(f'the ranker {ranker} needs onnxruntime: `pip install "foresee-dsl[learned]"`')
@@ -71,15 +75,15 @@ def watcher_of(ranker: str, driver: str) -> Watcher:
             both = hashlib.sha256(weights.sha256.encode() + hashlib.sha256(about).hexdigest().encode()).hexdigest()
             return Watcher(weights, float(json.loads(about)["threshold"]), both)
     raise ForeseeError(
-        f"the ranker {ranker} has no weights that watch the driver {driver!r} (there are some for "
-        f"{', '.join(_watched(ranker)) or 'none'}): make them in a checkout with "
+        f"the ranker {ranker} has no weights for the driver {driver!r} (it has weights for "
+        f"{', '.join(_watched(ranker)) or 'no driver'}): train them in a checkout with "
         f"`python -m training.selforacle.rides --driver {driver}`, `training.selforacle.train` and "
         f"`training.selforacle.thresholds` (docs/background/selforacle.md), then set {FOLDER_VARIABLE} to their folder"
     )
 
 
 def _watched(ranker: str) -> list[str]:
-    """Return the drivers that there are weights for."""
+    """Return the drivers for which there are weights."""
     names = (file.stem.removeprefix("selforacle_") for file in sorted(BUNDLED.glob("selforacle_*.onnx")))
     convolutional = ranker.endswith("_conv")
     return [name.removeprefix("conv_") for name in names if name.startswith("conv_") == convolutional]
@@ -87,6 +91,6 @@ def _watched(ranker: str) -> list[str]:
 
 @lru_cache(maxsize=4)
 def _network(weights: Weights) -> Network:
-    from foresee_learned.session import network_of  # here: it is needed when a run is ranked, not before
+    from foresee_learned.session import network_of  # imported here, because it is needed only when a run is ranked
 
     return network_of(weights)

@@ -1,4 +1,7 @@
-"""Tests, effect sizes, correction and intervals for counts of failures; the units are (test case, repetition)."""
+"""Statistics for counts of failures: tests, effect sizes, correction and intervals.
+
+The units are (test case, repetition).
+"""
 
 from foresee_study.statistics.comparison import Comparison, NotTested, Pair, compare
 

@@ -11,14 +11,14 @@ import numpy as np
 from foresee_dsl.kernels.arrays import FloatArray
 
 RESAMPLES = 10_000
-"""Number of resamples (ours: the ends of an interval then vary by less than 1 % between seeds)."""
+"""Number of resamples. Ours: with it the ends of an interval vary by less than 1 % between seeds."""
 SHARE = 0.95
 SEED = 20_26
-"""Seed of the resamples: equal results give equal intervals."""
+"""Seed of the resamples; it is fixed, so that equal results give equal intervals."""
 
 
 class Interval(NamedTuple):
-    """The middle 95 % of the resamples' values; NaN if too many have no value."""
+    """The middle 95 % of the values of the resamples; NaN if too many resamples have no value."""
 
     low: float
     high: float

@@ -1,4 +1,4 @@
-"""Compares two techniques on the same units, with all figures of a table's row; the tests are exact."""
+"""Compares two techniques on the same units, and computes all figures of a table's row; the tests are exact."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from foresee_study.statistics.bootstrap import Interval, percentiles, resampled_
 from foresee_study.statistics.effects import a12, cohens_d
 
 FEWEST_CASES = 6
-"""With five test cases no outcome gives an exact p under 0.05 (2 / 2**5 = 0.0625)."""
+"""Minimum number of test cases for a test: with five, no outcome has an exact p under 0.05 (2 / 2**5 = 0.0625)."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class NotTested:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two techniques on the same units.
+    """The comparison of two techniques on the same units.
 
     Attributes:
-        first, second: the sums over all units. pairs, cases: how many units and test cases.
-        a12, d: effect sizes over the units. interval: of the ratio of the sums, by bootstrap over test cases.
+        first, second: the sums over all units. pairs, cases: number of units and of test cases.
+        a12, d: effect sizes over the units. interval: interval of the ratio of the sums, by bootstrap over test cases.
         signed_rank: p of Wilcoxon's test over the units that differ. flips: p of the exact permutation of whole test
-            cases, which does not take repetitions of one test case for independent. Or why there is none.
+            cases, which does not treat repetitions of one test case as independent; or the reason why there is none.
     """
 
     first: float
@@ -57,22 +57,23 @@ class Comparison:
 
     @property
     def ratio(self) -> float:
-        """The first sum divided by the second; infinite where only that is 0, NaN where both are."""
+        """Return the first sum divided by the second; infinite if only the second is 0, NaN if both are."""
         if not self.second:
             return math.inf if self.first else math.nan
         return self.first / self.second
 
     @property
     def change_percent(self) -> float:
-        """Difference of the first sum to the second, as a share of the second, %."""
+        """Return the difference of the first sum from the second, in % of the second."""
         return (self.ratio - 1) * 100
 
 
 def compare(pairs: Sequence[Pair]) -> Comparison:
-    """Compare two techniques; with fewer than six test cases there is no test, regardless of the repetitions.
+    """Return the comparison of two techniques; with fewer than six test cases there is no test, regardless of the
+    repetitions.
 
-    Repetitions of one test case are not independent units: three against three that do not overlap give exactly p =
-    0.10, and the normal approximation's 0.0495 is an artefact.
+    Repetitions of one test case are not independent units: three repetitions against three, without an overlap, give
+    exactly p = 0.10; the 0.0495 of the normal approximation is an artefact.
     """
     first, second = [p.first for p in pairs], [p.second for p in pairs]
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
@@ -99,13 +100,15 @@ def _tested(
 ) -> tuple[float | NotTested, float | NotTested]:
     if len(totals) < FEWEST_CASES:
         repeated = f", {len(first)} units with their repetitions," if len(first) > len(totals) else ""
-        reason = NotTested(f"{len(totals)} test cases{repeated} are too few for a test: it takes {FEWEST_CASES}")
+        reason = NotTested(f"{len(totals)} test cases{repeated} are too few for a test, which needs {FEWEST_CASES}")
         return reason, reason
     return signed_rank(first, second), sign_flips([round(a - b) for a, b in totals])
 
 
 def signed_rank(first: Sequence[float], second: Sequence[float]) -> float:
-    """Return p that the differences of pairs lie around zero (Wilcoxon 1945); equal pairs are left out."""
+    """Return p that the differences of pairs are around zero (Wilcoxon 1945); pairs without a difference are
+    left out.
+    """
     from scipy.stats import rankdata
 
     differences = np.subtract(first, second, dtype=float)
@@ -114,17 +117,18 @@ def signed_rank(first: Sequence[float], second: Sequence[float]) -> float:
 
 
 def sign_flips(differences: Sequence[int]) -> float:
-    """Return p by permutation that whole numbers lie around zero: under chance each could have the other sign as well.
+    """Return p, by permutation, that whole numbers are around zero: by chance alone, each number could have the other
+    sign as well.
 
-    All sign changes are counted, not a sample of them (Fisher 1935).
+    All changes of signs are counted, not a sample of them (Fisher 1935).
     """
     numbers = np.array(differences, dtype=np.int64)
     return _two_sided(np.abs(numbers), numbers > 0)
 
 
 def _two_sided(sizes: IntArray, positive: BoolArray) -> float:
-    """Return twice the smaller tail, at most 1, of the sum of the positive sizes, where any sign is as likely."""
-    ways = np.zeros(int(sizes.sum()) + 1)  # for each sum, the probability that it is that of a random subset
+    """Return twice the smaller tail, at most 1, of the sum of the positive sizes, if each sign is equally likely."""
+    ways = np.zeros(int(sizes.sum()) + 1)  # for each sum, the probability that a random subset has this sum
     ways[0] = 1
     for size in sizes:
         more = np.zeros_like(ways)

@@ -1,4 +1,4 @@
-"""How large a difference is: Vargha and Delaney's A, Cohen's d, and Holm's correction of several p values."""
+"""Sizes of differences: Vargha and Delaney's A, Cohen's d; and Holm's correction of several p values."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from foresee_dsl.errors import ForeseeError
 
 SIZES = ("negligible", "small", "medium", "large")
 _A_FROM = (0.56, 0.64, 0.71)
-"""From where on an A is small, medium, large (Vargha and Delaney 2000, table 1)."""
+"""Values from which an A is small, medium or large (Vargha and Delaney 2000, table 1)."""
 
 
 def a12(first: Sequence[float], second: Sequence[float]) -> float:
-    """Return the probability that a value of the first sample is larger than one of the second; ties count half.
+    """Return the probability that a value of the first sample is larger than a value of the second; ties count half.
 
-    Vargha and Delaney 2000; 0.5 where the samples are alike. NaN where one is empty.
+    Source: Vargha and Delaney 2000. It is 0.5 if the samples are alike, and NaN if one is empty.
     """
     from scipy.stats import rankdata
 
@@ -31,7 +31,7 @@ def a12(first: Sequence[float], second: Sequence[float]) -> float:
 
 
 def cohens_d(first: Sequence[float], second: Sequence[float]) -> float:
-    """Return the difference of the means in pooled standard deviations (Cohen 1988); NaN where that is undefined."""
+    """Return the difference of the means in pooled standard deviations (Cohen 1988); NaN if that is undefined."""
     n, m = len(first), len(second)
     if n + m < 3 or not n or not m:
         return math.nan
@@ -52,13 +52,13 @@ def lacks_statsmodels() -> str:
     if find_spec("statsmodels") is not None:
         return ""
     return (
-        "no tables: they need statsmodels. After `pip install 'foresee-dsl[study]'`, `foresee study report` makes them "
-        "of what was run"
+        "no tables, because they need statsmodels. After `pip install 'foresee-dsl[study]'`, `foresee study report` "
+        "writes the tables of these runs"
     )
 
 
 def holm(values: Sequence[float]) -> tuple[float, ...]:
-    """Return p values corrected for there being several of them (Holm 1979), in the same order.
+    """Return p values, corrected because there are several of them (Holm 1979), in the same order.
 
     Raises:
         ForeseeError: statsmodels is not installed.

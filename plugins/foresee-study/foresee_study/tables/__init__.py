@@ -1,1 +1,1 @@
-"""The tables of a study, in the paper's layout, from what its campaigns gave."""
+"""The tables of a study, in the paper's layout, computed from the results of its campaigns."""

@@ -17,16 +17,19 @@ COLUMNS = (
     Column("units"), Column("test cases"),
 )  # fmt: skip
 NOTES = (
-    "Units are (test case, repetition); findings are counted in each of them, so that a story that two test cases tell "
-    "counts twice. The interval of the ratio is by bootstrap over test cases. The signed-rank "
-    "test takes each unit as one; the permutation test flips the signs of whole test cases, exactly. Holm's correction "
-    "is over this table.",
+    "Units are (test case, repetition); findings are counted in each unit, so that a story that occurs in two test "
+    "cases counts twice. The interval of the ratio is by bootstrap over test cases. The signed-rank "
+    "test treats each unit as independent; the permutation test flips the signs of whole test cases, exactly. Holm's "
+    "correction is over this table.",
 )
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Two techniques whose comparison becomes a row. `heading`: what stands above the row, where that changes."""
+    """Two techniques whose comparison is a row of a table.
+
+    `heading`: the heading above the row, if it differs from the last one.
+    """
 
     heading: str
     label: str
@@ -34,7 +37,7 @@ class Compared:
 
 
 def comparison_table(name: str, title: str, compared: Sequence[Compared]) -> Table:
-    """Return comparisons as a table; p values that there are get corrected together."""
+    """Return comparisons as a table; all p values in it are corrected together."""
     ranks = _corrected([pair.comparison.signed_rank for pair in compared])
     flips = _corrected([pair.comparison.flips for pair in compared])
     rows: list[Row] = []

@@ -22,17 +22,17 @@ class Iteration:
 
     @property
     def forecast_on_rest(self) -> Measured:
-        """The forecast on the test cases in which DriveFuzz found no failure."""
+        """Return the forecast on the test cases in which DriveFuzz found no failure."""
         return self.forecast.only(self.split.left | self.split.forecast)
 
     @property
     def failing_children(self) -> int:
-        """Number of failing children of these test cases."""
+        """Return the number of failing children of these test cases."""
         return sum(child.verdict.is_failure for child in self.forecast_on_rest.children_run)
 
 
 def iterations(results: Results, driver: str) -> tuple[tuple[Iteration, Iteration], ...]:
-    """Return both iterations of each repetition that has them."""
+    """Return both iterations of each repetition that has both."""
     done = []
     for first in results.of_campaign(driver, "foresee"):
         both = []
@@ -75,15 +75,17 @@ def _added(results: Results) -> Table:
         rows += family_rows(driver, results.families, lines, _with_shares)
     notes = (
         "#F: failing test cases, each counted once. Plain: unmutated. In each iteration DriveFuzz comes first; foresee "
-        "(clips of 10 s, n_rp = 4) is asked about the test cases that DriveFuzz did not bring to fail. +%: over plain. "
-        "Means of the repetitions.",
+        "(clips of 10 s, n_rp = 4) searches the test cases in which DriveFuzz found no failure. +%: compared with "
+        "plain. All numbers are means of the repetitions.",
     )
-    return Table("rq4", "RQ4: DriveFuzz, and foresee on what it did not bring to fail", columns, tuple(rows),
-                 notes=notes)  # fmt: skip
+    title = "RQ4: DriveFuzz, and foresee on the test cases in which it found no failure"
+    return Table("rq4", title, columns, tuple(rows), notes=notes)
 
 
 def _numbers(done: tuple[tuple[Iteration, Iteration], ...], family: str) -> Iterator[float | None]:
-    """Yield how many test cases of a family fail unmutated, and by whom in each iteration."""
+    """Yield how many test cases of a family fail unmutated, and how many each technique makes fail in each
+    iteration.
+    """
     firsts = [first.forecast for first, _ in done]
     names = frozenset(case.name for m in firsts for case in m.cases if case.family == family)
     yield mean(sum(case.verdict.is_failure for case in m.cases if case.family == family) for m in firsts)
@@ -104,7 +106,7 @@ def _with_shares(line: tuple[float | None, ...]) -> tuple[Value, ...]:
 
 
 def _costs(results: Results) -> Table:
-    """What each cost: runs and simulated hours, and failing test cases an hour."""
+    """Return the table of what each technique cost: runs, simulated hours, and failing test cases per hour."""
     columns: tuple[Column, ...] = tuple(
         Column(title, (who,), digits)
         for who in ("DriveFuzz", "foresee")
@@ -120,8 +122,8 @@ def _costs(results: Results) -> Table:
                 lines.append(Row(number, tuple(_cost(own))))
         if lines:
             rows += [Row(driver, kind=RowKind.HEADING), *lines]
-    note = "Of foresee the clips and children of the test cases that it was asked about. Means of the repetitions."
-    return Table("rq4_costs", "RQ4: what it cost", columns, tuple(rows), notes=(note,))
+    note = "For foresee, clips and children of the test cases that it searched are counted. Means of the repetitions."
+    return Table("rq4_costs", "RQ4: cost of both techniques", columns, tuple(rows), notes=(note,))
 
 
 def _cost(repetitions: list[Iteration]) -> Iterator[Value]:

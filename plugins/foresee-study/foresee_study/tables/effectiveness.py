@@ -14,8 +14,8 @@ from foresee_study.tables.comparing import Compared, comparison_table
 from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows
 
 NOTES = (
-    "#RPs: risky points that were studied, one clip each; #C: collisions (F1 to F5) among their children; both are "
-    "means of the repetitions. E: the exhaustive search, a clip a second.",
+    "#RPs: risky points, one clip each; #C: collisions (F1 to F5) among their children; both are "
+    "means of the repetitions. E: the exhaustive search, with a clip for each second.",
 )
 
 
@@ -68,7 +68,7 @@ def _pair(campaigns: tuple[Measured, ...]) -> tuple[float | None, float | None]:
 
 
 def _ranking(results: Results, clip_s: float) -> Table:
-    """The paper's second table of rq2: the ranking by proximity beside the whole forecast."""
+    """Return the paper's second table of rq2, which compares the ranking by proximity with the whole forecast."""
     ranked = (("proximity", "Proximity rank"), ("foresee", "Risk-based rank"))
     columns = tuple(Column(title, (head, str(n))) for _, head in ranked for n in POINTS for title in ("#RPs", "#C."))
     rows = []
@@ -91,7 +91,9 @@ def _ranking(results: Results, clip_s: float) -> Table:
 
 
 def _rates(results: Results) -> Table:
-    """Collisions, findings and avoidable findings a risky point, and as a share of the exhaustive search's."""
+    """Return the table of collisions, findings and avoidable findings per risky point, and their shares of the
+    exhaustive search's.
+    """
     columns = tuple(
         Column(title, (what.value,), digits)
         for what in Counted
@@ -111,10 +113,10 @@ def _rates(results: Results) -> Table:
         if lines:
             rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
     note = (
-        "Numbers are means of the repetitions, and the share is that of two means. Of avoidable findings there is a "
-        "share only where reference drivers drove the exhaustive search's failures, too."
+        "Numbers are means of the repetitions, and a share is the quotient of two means. Avoidable findings have a "
+        "share only if reference drivers drove the failures of the exhaustive search, too."
     )
-    return Table("rq1_rates", "RQ1: what a risky point gives, and the share of the exhaustive search", columns,
+    return Table("rq1_rates", "RQ1: results per risky point, and the share of the exhaustive search", columns,
                  tuple(rows), "ranking", (note,))  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from foresee_study.tables.table import Column, Row, RowKind, Table
 SHARES = (0.25, 0.5, 1.0)
 """Times at which the curves are read, as shares of the shortest campaign's time."""
 WALL = "_wall"
-"""The end of the names of tables about wall time, which differ from machine to machine."""
+"""Suffix of the names of tables about wall time, which differ from machine to machine."""
 
 
 def efficiency(results: Results) -> tuple[Table, ...]:
@@ -89,9 +89,9 @@ def _areas(results: Results, clock: Clock) -> Table:
             rows += [Row(f"{driver}: foresee", kind=RowKind.HEADING), *lines]
     notes = (
         "Area under the curve of cumulative collisions, in collisions times seconds, up to the earlier of the two "
-        "ends; with the interval of the ratio by bootstrap over test cases. To the later end the curve that ended "
-        "first stays flat. Both sides are means of the repetitions that both have; a search without repetitions is "
-        "compared with each of the other's.",
+        "ends; with the interval of the ratio by bootstrap over test cases. Up to the later end, the curve that ended "
+        "first stays constant. Both sides are means of the repetitions that both have; a search without repetitions is "
+        "compared with each repetition of the other.",
     )
     return Table(_name("rq3_areas", clock), f"RQ3: areas under the curves, {clock.value} time", columns, tuple(rows),
                  notes=notes)  # fmt: skip

@@ -29,7 +29,7 @@ def _towns(results: Results) -> Table:
         if lines:
             rows += [Row(group, kind=RowKind.HEADING), *lines]
     notes = (
-        "foresee, clips of 10 s, n_rp = 4. #TCs: children that were run; Σ counts stuck, too, as the paper does here; "
+        "foresee, clips of 10 s, n_rp = 4. #TCs: children that were run; Σ also counts stuck, as the paper does here; "
         "collisions, %: of the children. Means of the repetitions.",
     )
     return Table("rq5", "RQ5: towns and drivers", _COLUMNS, tuple(rows), "town", notes)
@@ -54,7 +54,7 @@ def _weather(results: Results) -> Table:
         share = 100 * collided / children if children and collided is not None else None
         rows.append(Row("Σ", (*sums, share), RowKind.SUM))
     notes = (
-        "Each of foresee's clips, run once more in heavy weather with nothing else changed. #TCs: clips that passed in "
+        "Each of foresee's clips was run again in heavy weather, with nothing else changed. #TCs: clips that passed in "
         "their own weather.",
     )
     return Table("rq5_weather", "RQ5: heavy weather", _COLUMNS, tuple(rows), "driver", notes)

@@ -19,7 +19,7 @@ def comparison(results: Results) -> tuple[Table, ...]:
 
 
 def shown_rankers(results: Results) -> tuple[str, ...]:
-    """Return the rankers that were run with clips of the chosen length, the paper's order: foresee last."""
+    """Return the rankers that were run with clips of the chosen length, in the paper's order: foresee last."""
     others = [r for r in results.rankers if r != "foresee"]
     return tuple(r for r in (*others, "foresee") if any(results.of_campaign(d, r) for d in results.drivers))
 
@@ -41,8 +41,8 @@ def _by_kind(results: Results) -> Table:
     if len(sums) > 1:
         rows.append(Row("Total", tuple(map(total, zip(*sums, strict=True))), RowKind.SUM))
     notes = (
-        "#TCs: children of foresee's clips. F1 to F5: collisions with what stands beside the road, pedestrians, and "
-        "frontal, lateral and rear ones with vehicles; Σ: all of them. Means of the repetitions.",
+        "#TCs: children of foresee's clips. F1 to F5: collisions with objects beside the road, with pedestrians, and "
+        "frontal, lateral and rear collisions with vehicles; Σ: all of them. Means of the repetitions.",
     )
     return Table("rq2", "RQ2: rankers compared, clips of 10 s, n_rp = 4", columns, tuple(rows), notes=notes)
 
@@ -59,7 +59,7 @@ def _kinds(results: Results, driver: str, family: str, rankers: tuple[str, ...])
 
 
 def _by_family(results: Results) -> Table:
-    """Findings and avoidable findings, where the paper counts collisions."""
+    """Return the table of findings and avoidable findings, in which the paper counts collisions."""
     rankers = shown_rankers(results)
     columns = tuple(Column(what.value, (ranker,)) for ranker in rankers for what in Counted)
     rows: list[Row] = []
@@ -73,8 +73,8 @@ def _by_family(results: Results) -> Table:
             continue
         rows += family_rows(driver, results.families, lines)
     notes = (
-        "Findings: collisions of one family that tell the same story are one. Avoidable: another driver avoids one of "
-        "them, or R157's driver or the anticipating one would have. Means of the repetitions.",
+        "Findings: collisions of one family with the same story count once. Avoidable: another driver avoids one of "
+        "them, or R157's driver or the anticipating driver would have avoided it. Means of the repetitions.",
     )
     return Table("rq2_findings", "RQ2: collisions, findings and avoidable findings", columns, tuple(rows), notes=notes)
 
@@ -95,7 +95,7 @@ def _counted(results: Results) -> Table:
         if lines:
             rows += [Row(driver, kind=RowKind.HEADING), *lines]
     note = "Avoidable, %: of the findings."
-    return Table("rq2_totals", "RQ2: what each ranker gives", columns, tuple(rows), "ranker", (note,))
+    return Table("rq2_totals", "RQ2: results of each ranker", columns, tuple(rows), "ranker", (note,))
 
 
 def _totals(campaigns: tuple[Measured, ...]) -> Iterator[float | None]:

@@ -1,4 +1,4 @@
-"""A table of values with groups of columns, which the terminal, Markdown, CSV and LaTeX all show."""
+"""A table of values with groups of columns, which can be shown in the terminal, as Markdown, CSV and LaTeX."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from foresee_dsl.files import templates
 from foresee_study.results import total
 
 PAGE_WIDTH = 120
-"""Maximum width of a table on a page, characters. Ours: what a code host's page shows without a scroll bar."""
+"""Maximum width of a table on a page, characters. Ours: wider tables need a scroll bar on a code host's page."""
 Value = str | int | float | None
 
 
@@ -32,7 +32,8 @@ class Column:
     """A column.
 
     Attributes:
-        title: its own heading. groups: headings above it, from the outermost. digits: maximum number of decimals.
+        title: its own heading. groups: headings of the groups above it, the outermost first. digits: maximum number of
+            decimals.
     """
 
     title: str
@@ -41,11 +42,11 @@ class Column:
 
     @property
     def whole_title(self) -> str:
-        """All its headings, for a table with a single line of them."""
+        """Return all headings of the column, for a table with a single line of headings."""
         return ", ".join(part for part in (*self.groups, self.title) if part)
 
     def text(self, value: Value) -> str:
-        """Return a value as text: a dash without a value, and without trailing zeros."""
+        """Return a value as text without trailing zeros; without a value, a dash."""
         if value is None:
             return "-"
         if not isinstance(value, float):
@@ -61,7 +62,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """A row: its label, and a value for each column."""
+    """A row of a table: its label, and a value for each column."""
 
     label: str
     values: tuple[Value, ...] = ()
@@ -74,7 +75,9 @@ def family_rows(
     lines: Sequence[Sequence[float | None]],
     values_of: Callable[[tuple[float | None, ...]], tuple[Value, ...]] = tuple,
 ) -> list[Row]:
-    """Return a heading, a row for each family, and their sum; `values_of`: returns the row's values from a line."""
+    """Return a heading, a row for each family, and the row of their sum; `values_of`: function that returns a row's
+    values from a line.
+    """
     rows = [Row(f"Scenario{f}", values_of(tuple(line))) for f, line in zip(families, lines, strict=True)]
     sums = values_of(tuple(map(total, zip(*lines, strict=True))))
     return [Row(heading, kind=RowKind.HEADING), *rows, Row("Σ", sums, RowKind.SUM)]
@@ -82,7 +85,7 @@ def family_rows(
 
 @dataclass(frozen=True)
 class ShownRow:
-    """A row as it is shown: its label, what it is, and a text for each column."""
+    """A row as text: its label, its kind, and a text for each column."""
 
     label: str
     kind: RowKind
@@ -94,7 +97,8 @@ class Table:
     """A table.
 
     Attributes:
-        name: of its files. title: above it. first: the heading of the labels. notes: below it, one sentence each.
+        name: name of its files. title: text above it. first: heading of the labels. notes: texts below it, one sentence
+            each.
     """
 
     name: str
@@ -105,14 +109,16 @@ class Table:
     notes: tuple[str, ...] = field(default=())
 
     def texts(self, row: Row) -> tuple[str, ...]:
-        """Return a row's values as they are shown."""
+        """Return the values of a row as texts."""
         if row.kind is RowKind.HEADING:
             return ("",) * len(self.columns)
         return tuple(column.text(value) for column, value in zip(self.columns, row.values, strict=True))
 
     @property
     def spans(self) -> tuple[tuple[tuple[str, int], ...], ...]:
-        """The lines of headings above the columns' own: each group with how many columns it spans."""
+        """Return the lines of headings above those of the columns: each group with the number of columns that
+        it spans.
+        """
         depth = max((len(column.groups) for column in self.columns), default=0)
         return tuple(
             tuple(
@@ -124,7 +130,7 @@ class Table:
 
     @property
     def stacked(self) -> tuple[str, ...]:
-        """Return the headings of each column as lines, a group's over the first of its columns alone."""
+        """Return the headings of each column as lines; that of a group is only above the first of its columns."""
         lines: list[tuple[str, ...]] = []
         for before, column in zip((None, *self.columns), self.columns, strict=False):
             same = before is not None and before.groups == column.groups
@@ -139,7 +145,7 @@ class Table:
 
     @property
     def named_once(self) -> tuple[str, ...]:
-        """Return the headings of each column as one line, a group's before the first of its columns alone."""
+        """Return the headings of each column as one line; that of a group is only before the first of its columns."""
         lines = []
         for before, column in zip((None, *self.columns), self.columns, strict=False):
             new = () if before is not None and before.groups == column.groups else column.groups
@@ -158,20 +164,23 @@ class Table:
 
     @property
     def headings(self) -> tuple[str, ...]:
-        """The columns' whole headings."""
+        """Return all headings of each column."""
         return tuple(column.whole_title for column in self.columns)
 
     @property
     def shown_rows(self) -> tuple[ShownRow, ...]:
-        """The rows as they are shown."""
+        """Return the rows as texts."""
         return tuple(ShownRow(row.label, row.kind, self.texts(row)) for row in self.rows)
 
     def parts(self, width: int, *, gap: int = 1, wraps: bool = False) -> tuple[Table, ...]:
-        """Return the table split into parts of at most `width` characters: groups of columns stay together, and a part
-        with only one group has it in its title. The notes are below the last part.
+        """Return the table, split into parts of at most `width` characters.
+
+        Groups of columns stay together, and a part with only one group has the group in its title. The notes are below
+        the last part.
 
         Args:
-            gap: characters between columns. wraps: whether headings are wrapped between words, as a page does it.
+            gap: characters between columns.
+            wraps: whether headings are wrapped between words, as on a page.
         """
         labels = max(map(len, (self.first, *(row.label for row in self.rows))))
         parts: list[list[int]] = [[]]
@@ -207,11 +216,11 @@ class Table:
         return replace(self, title=title, columns=tuple(columns), rows=rows, notes=self.notes if last else ())
 
     def as_markdown(self) -> str:
-        """Return the table as Markdown, with its title and notes: several where it is wider than a page."""
+        """Return the table as Markdown, with its title and notes; as several tables if it is wider than a page."""
         return "\n".join(part.one_markdown() for part in self.parts(PAGE_WIDTH, gap=3, wraps=True))
 
     def one_markdown(self) -> str:
-        """Return it as one Markdown table, however wide."""
+        """Return the table as a single Markdown table, of any width."""
         heads = (self.first, *self.named_once)
         lines = [f"**{self.title}**", "", _barred(heads), _barred(("---", *("---:",) * len(self.columns)))]
         for row in self.rows:
@@ -221,7 +230,7 @@ class Table:
         return "\n".join((*lines, "", *(f"{note}  " for note in self.notes[:-1]), *self.notes[-1:])).rstrip() + "\n"
 
     def as_csv(self) -> str:
-        """Return the table as CSV, with one line of headings; a heading among the rows is a column of its own."""
+        """Return the table as CSV, with one line of headings; headings among the rows become a column of their own."""
         file = io.StringIO()
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("part", self.first or "row", *(column.whole_title for column in self.columns)))
@@ -235,13 +244,13 @@ class Table:
         return file.getvalue()
 
     def as_latex(self) -> str:
-        """Return the table as LaTeX, as the paper sets its tables: booktabs, groups over their columns."""
+        """Return the table as LaTeX in the style of the paper: with booktabs, and groups above their columns."""
         environment = templates(str(Path(__file__).parents[1] / "templates"), markup=False)
         environment.filters["tex"] = _escaped
         return environment.get_template("table.tex.j2").render(table=self, rules=tuple(self._rules()))
 
     def _rules(self) -> Iterator[tuple[tuple[int, int], ...]]:
-        """Yield the first and last column under each group, a tuple a line; the labels are column 1."""
+        """Yield the first and last column under each group, one tuple for each line; the labels are column 1."""
         for line in self.spans:
             at, rules = 2, []
             for title, width in line:
@@ -252,7 +261,7 @@ class Table:
 
 
 def _sections(rows: Sequence[Row]) -> list[list[Row]]:
-    """Divide rows before each heading."""
+    """Return rows in sections, each of which begins with a heading."""
     sections: list[list[Row]] = []
     for row in rows:
         if not sections or row.kind is RowKind.HEADING:

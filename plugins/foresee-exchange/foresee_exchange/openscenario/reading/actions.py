@@ -58,7 +58,7 @@ class TriggerBuilder:
             if event.lost:
                 self.losses.lose(event.lost, event.title)
             elif event.never:
-                self.losses.leave("events whose conditions hold at no time", event.title)
+                self.losses.leave("events whose conditions never hold", event.title)
             elif not event.hangs and _does_anything(actions := self._block(event)):
                 head, *rest = event.steps or (Step(),)
                 condition = head.condition or from_the_start()
@@ -106,7 +106,7 @@ class TriggerBuilder:
             if inner is not None and tag in ("ParameterAction", "VariableAction"):
                 changed = inner.get("parameterRef") or inner.get("variableRef") or ""
                 if changed in self.only_end:
-                    self.losses.leave(f"actions: {tag} (that set a value which only ends the storyboard)", event.title)
+                    self.losses.leave(f"actions: {tag} (which set a value that only ends the storyboard)", event.title)
                     return []
             if kind.tag != "PrivateAction" or inner is None:
                 raise NotExpressed(f"actions: {tag}")
@@ -144,7 +144,7 @@ class TriggerBuilder:
     def _private(self, tag: str, what: Element | None, state: EntityState, event: Event) -> list[m.Action]:
         if tag in ROUTING:
             if what is not state.way:
-                raise NotExpressed(f"actions: {tag} (a second way of one actor)")
+                raise NotExpressed(f"actions: {tag} (a second way of the same actor)")
             return self._follows(state) if tag == "FollowTrajectoryAction" else []
         if what is not None and tag == "SpeedAction":
             return self._speed(what, state, at_once=not event.steps and not event.hangs)

@@ -87,7 +87,7 @@ class ActorBuilder:
         try:
             middle = self.places.initial(entity.ref).ahead(entity.centre_m)
             if not self._near_roads(middle):
-                raise NotExpressed("entities off the road network")
+                raise NotExpressed("entities outside the road network")
             track = self._trajectory(entity, routing, begins_s)
             path = tracks.path_of(track) if track is not None else []
             if self.network.far_from_lanes(path, _NEAR_M) is not None:
@@ -124,7 +124,8 @@ class ActorBuilder:
             if begins_s != 0:
                 self.places.stay(trajectory)
             track = tracks.read_trajectory(trajectory, self.places, entity.centre_m)
-            _timed(tracks.speed_profile(track), routing, begins_s)  # raises if its times cannot be kept
+            # Raises an error if the times of the trajectory cannot be kept.
+            _timed(tracks.speed_profile(track), routing, begins_s)
             return track
         except NotExpressed as err:
             self.losses.lose(str(err), f"'{entity.ref}'")
@@ -142,7 +143,7 @@ class ActorBuilder:
         """Return the ego: its route and goal, without actions, because its driver decides."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = middle.ahead(entity.spec.length_m / 2)
-        # A trajectory is not a goal: a run that ended at the place of the recorded crash could not crash there.
+        # A trajectory is not a goal: a run that ended at the place of a recorded crash could not crash there.
         through = [
             front,
             *(tracks.thinned(track.poses())[1:] if track is not None else self._waypoints(routing, at_start=at_start)),
@@ -187,7 +188,7 @@ class ActorBuilder:
             else:
                 state.profile = profile
         if math.dist(path[0], (middle.x, middle.y)) > _APART_M and not at_start:
-            path = [(middle.x, middle.y), *path]  # it drives there first
+            path = [(middle.x, middle.y), *path]  # the actor drives to the trajectory's beginning first
         self._walks(entity, path)
         self._note_bends(entity, path, max(profile.speed_mps) if profile is not None else speed)
         last = profile.speed_mps[-1] if profile is not None else speed
@@ -243,8 +244,8 @@ class ActorBuilder:
         held = held_by_tyres(path, entity.spec, speed_mps) if entity.kind in WHEELS and speed_mps > 0 else None
         if held is not None:
             self.losses.note(
-                f"{entity.name} slows down to {held:.1f} m/s in bends, where the file has {speed_mps:.1f} m/s: its "
-                "tyres hold no more"
+                f"{entity.name} slows down to {held:.1f} m/s in bends, where the file has {speed_mps:.1f} m/s, because "
+                "its tyres do not hold more"
             )
 
     def _ahead(self, state: EntityState) -> list[XY]:

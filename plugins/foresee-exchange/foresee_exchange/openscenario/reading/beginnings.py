@@ -1,4 +1,6 @@
-"""Whether a condition holds at the beginning of the run, as far as the actors' places and speeds determine it."""
+"""Decides whether a condition holds at the beginning of the run, as far as the actors' places and speeds
+determine it.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ class Beginning:
 
     @property
     def footprint(self) -> shapely.Polygon:
-        """The area that the actor covers."""
+        """Return the area that the actor covers."""
         half_l, half_w = self.length_m / 2, self.width_m / 2
         corners = ((half_l, half_w), (half_l, -half_w), (-half_l, -half_w), (-half_l, half_w))
         poses = [self.middle.ahead(along).beside(left) for along, left in corners]
@@ -52,9 +54,9 @@ def holds_at_start(condition: m.Condition, beginnings: Mapping[str, Beginning]) 
             parts = [holds_at_start(part, beginnings) for part in condition.conditions]
             holds = decides if decides in parts else None if None in parts else not decides
         case m.Sustained():
-            holds = False if si_of(condition.duration) > 0 else None  # the run has just begun
+            holds = False if si_of(condition.duration) > 0 else None  # no time has passed yet
         case m.Predicate(what="collision"):
-            holds = False  # the compiler refuses overlapping actors
+            holds = False  # the compiler refuses actors that overlap
         case m.Comparison(left=m.Measure() as measure):
             value = _measured(measure, beginnings)
             holds = None if value is None else _COMPARES[condition.op](value, si_of(condition.right))

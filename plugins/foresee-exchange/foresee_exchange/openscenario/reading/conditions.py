@@ -44,7 +44,7 @@ class NeverStarts(Exception):  # noqa: N818 - not an error: events that wait for
 
 @dataclass(frozen=True)
 class Step:
-    """One step of waiting: for a condition (None: none), then for a time.
+    """A step in which an event waits: for a condition (None: for none), then for a time.
 
     Attributes:
         edge: the moment at which the condition begins to hold, for a condition with an edge; it replaces the condition
@@ -58,8 +58,9 @@ class Step:
 
 @dataclass(frozen=True)
 class Start:
-    """When something starts: after a part of the storyboard (type, name, state), if any, then after the steps in
-    order."""
+    """The point at which something starts: after a part of the storyboard (type, name, state), if any, then after the
+    steps in order.
+    """
 
     steps: tuple[Step, ...] = ()
     after: tuple[str, str, str] | None = None
@@ -79,8 +80,8 @@ class ConditionReader:
 
     Attributes:
         entities, places: those that triggers may name. ways: remaining ways of actors, by their new names.
-        values: of parameters and variables. changing: names of those that actions change.
-        beginnings: of actors, by their new names.
+        values: values of parameters and variables. changing: names of those that actions change. beginnings: beginnings
+            of actors, by their new names.
     """
 
     entities: Mapping[str, Entity]
@@ -160,7 +161,7 @@ class ConditionReader:
             covered = condition.find("ByEntityCondition/EntityCondition/TraveledDistanceCondition")
             never_before = (
                 covered is not None and number(covered, "value") > 0
-            )  # it begins to hold once, after the start
+            )  # the time begins to hold once, after the start
             edge = condition.get("conditionEdge", "none")
             parts.append((part, "none" if never_before and edge == "rising" else edge))
         if len(delays) > 1:
@@ -184,7 +185,8 @@ class ConditionReader:
         if kind.tag != "SimulationTimeCondition":
             raise NotExpressed(f"conditions: {kind.tag}{_called(kind)}")
         limit, rule = number(kind, "value") + delay, kind.get("rule", "")
-        op: Op = ">=" if rule == "equalTo" else _op(rule)  # time comes to it once, and goes on
+        # The simulation time reaches the value once, and increases further.
+        op: Op = ">=" if rule == "equalTo" else _op(rule)
         if limit <= 0 and op in (">", ">="):
             if op == ">=" and condition.get("conditionEdge", "none") != "none":
                 self.losses.note("a time of 0 s with an edge is the beginning, as ASAM's examples mean it")
@@ -283,7 +285,8 @@ class ConditionReader:
         if kind.tag == "RelativeSpeedCondition" and kind.get("direction") not in (None, "longitudinal"):
             raise NotExpressed(f"conditions: {kind.tag} ({kind.get('direction')})")
         what, dimension = measures[kind.tag]
-        if kind.get("freespace") == "false":  # between reference points there, between footprints here
+        # Distances between reference points in OpenSCENARIO, between footprints here.
+        if kind.get("freespace") == "false":
             self.losses.note("times between two actors are measured between their footprints")
         if what == "ttc" and kind.get("relativeDistanceType") == "longitudinal":
             what = "ttc_along"

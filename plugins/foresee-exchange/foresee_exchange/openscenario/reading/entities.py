@@ -24,7 +24,7 @@ from foresee_exchange.openscenario.writing.participants import BRAKING, CATEGORI
 _KINDS = {category: kind for kind, category in CATEGORIES.items()}
 _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "sut")
 _SAME = 1e-4
-"""Sizes that differ by less are equal, m: below the rounding of written values (ours)."""
+"""Sizes that differ by less than this are equal, m (ours: below the rounding of written values)."""
 _LARGEST_M = 100.0
 """Largest size of a body that the language allows, m; larger bodies are reduced to it."""
 _WEAKEST = 0.01
@@ -42,7 +42,7 @@ class Entity:
     Attributes:
         ref: its name in the source. name: its name in the scenario, `ego` for the vehicle under test.
         model: `class.variant`. centre_m: distance of its centre ahead of its reference point, m.
-        bundled: its model is one of ours.
+        bundled: whether its model is a bundled one.
     """
 
     ref: str
@@ -54,12 +54,14 @@ class Entity:
 
     @property
     def most_mps(self) -> float:
-        """Highest speed that may be ordered, m/s; unlimited for generated models, which are adapted to the orders."""
+        """Return the highest speed that may be ordered, m/s; unlimited for generated models, which are adapted to the
+        orders.
+        """
         return self.spec.max_speed_mps if self.bundled else math.inf
 
     @property
     def kind(self) -> ActorKind:
-        """Its class, such as `car`."""
+        """Return the class of the entity, such as `car`."""
         return self.spec.kind
 
 
@@ -84,7 +86,7 @@ def read_participants(source: Source, losses: Losses, *, name: str, ego: str = "
             objects[entity.get("name", "")] = element
     chosen = _ego(objects, ego)
     if chosen is None:
-        missing = f"no vehicle '{ego}'" if ego else "no vehicle that could be driven"
+        missing = f"no vehicle '{ego}'" if ego else "no vehicle that can be driven"
         raise SourceError(f"{source.path} has {missing}")
     models: dict[str, VehicleModel] = {}
     entities: dict[str, Entity] = {}
@@ -280,8 +282,8 @@ class EntityState:
 
     Attributes:
         speed_mps: its speed, m/s; None if unknown.
-        lane: its lane's id; None if its road is unknown. ahead: it faces in the road's direction.
-        on_lanes: it follows lanes and can change them.
+        lane: its lane's id; None if its road is unknown. ahead: whether it faces in the road's direction. on_lanes:
+            whether it follows lanes and can change them.
         way: the routing action that determines its way.
         profile: the speeds of its trajectory, which actions apply once the trajectory begins.
         most_mps: the highest speed ordered so far, m/s.

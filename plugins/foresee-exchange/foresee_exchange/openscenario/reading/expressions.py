@@ -105,7 +105,7 @@ class _Expression:
 
     def value(self) -> Value:
         if len(self.text) > _LONGEST:
-            raise ValueError("it is too long")
+            raise ValueError("the expression is too long")
         at = 0
         while self.text[at:].strip():
             match = _TOKEN.match(self.text, at)
@@ -115,7 +115,7 @@ class _Expression:
             at = match.end()
         result = self._or()
         if self._at < len(self._tokens):
-            raise ValueError(f"'{self._tokens[self._at]}' is not expected there")
+            raise ValueError(f"'{self._tokens[self._at]}' is in the wrong place")
         return result
 
     def _next(self, *wanted: str) -> str | None:

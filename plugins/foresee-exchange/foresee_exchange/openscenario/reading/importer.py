@@ -220,7 +220,7 @@ def _import_variation(variation: Variation, settings: _Settings) -> Imported:
     ]
     for reading_losses in (reading.losses for group in groups.values() for reading in group):
         total.notes |= reading_losses.notes
-        total.lost |= reading_losses.lost  # union of counters: the maximum over the sets of values
+        total.lost |= reading_losses.lost  # the union of counters has the maximum over the sets of values
         total.left_out |= reading_losses.left_out
 
     def write(folder: Path) -> Imported:
@@ -263,8 +263,8 @@ def _joined(name: str, group: Sequence[_Reading], variation: Variation, *, whole
 def _refusal(file: Path, losses: Losses) -> str:
     what = "; ".join(f"{count} {what}" for what, count in losses.lost.items())
     return (
-        f"{file} has parts that the language does not express, and without them the scenario changes: {what}. No file "
-        "is written; --partial writes the rest, with a comment at each place"
+        f"{file} has parts that the language cannot express, and without them the scenario would be different: "
+        f"{what}. No file is written; --partial writes the rest, with a comment at each place"
     )
 
 

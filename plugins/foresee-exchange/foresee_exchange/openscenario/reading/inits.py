@@ -68,7 +68,7 @@ class Inits:
                     self.positions |= dict.fromkeys(event.refs, position)
                 elif speed is not None:
                     self.speeds |= dict.fromkeys(event.refs, speed)
-                    kept.append(kind)  # other events may wait for its end, and the ego's action is reported
+                    kept.append(kind)  # other events may wait for its end, and an action of the ego is reported
                 else:
                     kept.append(kind)
             event.actions = tuple(kept)
@@ -81,7 +81,7 @@ class Inits:
         fog, rain, road = (environment.find(p) for p in ("Weather/Fog", "Weather/Precipitation", "RoadCondition"))
         visual_range_m = number(fog, "visualRange", 0.0) if fog is not None else 0.0
         rain_mm_h = 0.0
-        if rain is not None:  # version 1.0 has a ratio
+        if rain is not None:  # in version 1.0 the value is a ratio
             rain_mm_h = number(rain, "precipitationIntensity", number(rain, "intensity", 0.0) * RAIN_MM_H)
         friction = number(road, "frictionScaleFactor", 1.0) if road is not None else 1.0
         ratios = {
@@ -119,7 +119,7 @@ class Inits:
             self.speeds[ref] = speed
             relative = private.find("LongitudinalAction/SpeedAction/SpeedActionTarget/RelativeTargetSpeed")
             if relative is not None and relative.get("continuous") == "true" and ref != ego:
-                self.events.append(Event("", (ref,), (private,)))  # it begins with that speed and keeps it
+                self.events.append(Event("", (ref,), (private,)))  # the entity begins with that speed and keeps it
         elif inner is not None:
             self.routing[ref] = inner
         elif tag in _CONTROLLING or tag == "ControllerAction":

@@ -1,4 +1,6 @@
-"""What an import of OpenSCENARIO cannot take over: errors, and counted parts with a comment at their place."""
+"""The parts of OpenSCENARIO that an import cannot take over: errors, and counted parts with a comment at their
+place.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,13 @@ from foresee_exchange.naming import sentence
 
 
 class SourceError(ExchangeError):
-    """The foreign file itself is at fault: incomplete, contradictory, or of another kind."""
+    """Raised if the foreign file itself is incomplete, contradictory, or of another kind."""
 
 
 class NotExpressed(Exception):  # noqa: N818 - not an error: it is counted and reported
-    """A part of the source has no counterpart in the other format; the text describes it for the report."""
+    """Raised for a part of the source that has no counterpart in the other format; its text describes the part for the
+    report.
+    """
 
 
 class Coordinates(StrEnum):

@@ -28,7 +28,8 @@ def offset_of(action: Element, state: EntityState, states: Mapping[str, EntitySt
     if absolute is not None:
         offset = number(absolute, "value")
     elif relative is not None and relative.get("entityRef") in states:
-        offset = number(relative, "value")  # relative to the other actor, which is assumed in the middle of its lane
+        # Relative to the other actor, which is assumed to be in the middle of its lane.
+        offset = number(relative, "value")
     else:
         raise NotExpressed("actions: LaneOffsetAction (without a target)")
     to = offset * _left(state, places)
@@ -84,7 +85,7 @@ def longitudinal_of(
         gap = quantity(number(action, "timeGap"), "time")
     else:
         metres = number(action, "distance")
-        if action.get("freespace") != "true":  # then the distance is between the reference points
+        if action.get("freespace") != "true":  # the distance is then between the reference points
             front, rear = (other, state) if ahead else (state, other)
             metres -= front.entity.centre_m + front.entity.spec.length_m / 2
             metres -= rear.entity.spec.length_m / 2 - rear.entity.centre_m

@@ -119,7 +119,7 @@ class Roads:
         for k in self._tree.query(point.buffer(_WIDEST_M)):
             road, line, starts = self._lines[int(k)]
             s = float(np.interp(line.project(point), starts[1], starts[0]))
-            for _ in range(3):  # the line is a polygon: move the foot of the perpendicular to the exact curve
+            for _ in range(3):  # the line is a polygon, so move the nearest point to the exact curve
                 at = self._map.at(road, s, 0.0)
                 ahead = (pose.x - at.x) * math.cos(at.heading_rad) + (pose.y - at.y) * math.sin(at.heading_rad)
                 s = min(max(s + ahead, 0.0), self.length(road))
@@ -140,7 +140,8 @@ class Roads:
         counter = itertools.count()
         begin = self.forward(first.road, first.lane)
         heap: list[tuple[float, int, str, bool, tuple[tuple[str, bool], ...]]] = []
-        for onward, penalty in ((begin, 0.0), (not begin, 1e4)):  # against the lane's direction only if necessary
+        # Lanes are used against their direction only if necessary.
+        for onward, penalty in ((begin, 0.0), (not begin, 1e4)):
             heapq.heappush(heap, (penalty, next(counter), first.road, onward, ((first.road, onward),)))
         done: set[tuple[str, bool]] = set()
         while heap:
@@ -245,7 +246,7 @@ class Roads:
 
     @cached_property
     def _lines(self) -> list[tuple[str, shapely.LineString, tuple[list[float], list[float]]]]:
-        """All reference lines as polygons, each with its sample positions on the curve and along the polygon."""
+        """Return all reference lines as polygons, each with its sample positions on the curve and along the polygon."""
         lines = []
         for road in self._roads:
             length = self.length(road)

@@ -52,7 +52,7 @@ _TOWN = re.compile(r"(^|[/\\])Town\d\d", re.IGNORECASE)
 
 
 class NowhereError(SourceError):
-    """The ego has no place on the network; another vehicle may have one."""
+    """Raised if the ego has no place on the network; another vehicle may have one."""
 
 
 @lru_cache(maxsize=2)
@@ -230,8 +230,8 @@ class ScenarioReader:
             self.network,
             self.places,
             self.losses,
-            # An actor that keeps a lateral position needs lanes; so does one that changes lane on a map without lane
-            # positions.
+            # An actor that keeps a lateral position needs lanes, and so does one that changes lane on a map without
+            # lane positions.
             lane_keepers=self._acting("LaneOffsetAction", "LateralDistanceAction")
             | (changers if self.places.roads is None else set()),
             lane_changers=changers,
@@ -260,7 +260,7 @@ class ScenarioReader:
             elif entity.name == "ego":
                 raise NowhereError(
                     f"{self.source.path}: the ego '{ref}' does not stand on a lane of its direction and cannot be "
-                    "driven: name another vehicle with --ego"
+                    "driven: choose another vehicle with --ego"
                 )
         for when in first:
             self._add(when)
@@ -334,7 +334,7 @@ def is_left_handed(
     town: if more do than unmirrored).
     """
     if wanted is not Coordinates.auto:
-        return wanted is Coordinates.left, "as asked for" if wanted is Coordinates.left else ""
+        return wanted is Coordinates.left, "as --coordinates says" if wanted is Coordinates.left else ""
     if _SAYS_SO.match(source.description):
         return True, "the file's description says CARLA"
     logic = source.root.find("RoadNetwork/LogicFile")

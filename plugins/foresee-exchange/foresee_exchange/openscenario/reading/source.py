@@ -95,13 +95,13 @@ class Source:
 
     @property
     def minor(self) -> int:
-        """Second number of the standard's version."""
+        """Return the second number of the standard's version."""
         header = self.root.find("FileHeader")
         return int(header.get("revMinor", "0")) if header is not None else 0
 
     @property
     def description(self) -> str:
-        """Description in the file's header."""
+        """Return the description in the file's header."""
         header = self.root.find("FileHeader")
         return header.get("description", "").strip() if header is not None else ""
 
@@ -118,7 +118,7 @@ class Source:
 
     @cached_property
     def _all(self) -> dict[str, dict[str, Element]]:
-        """All catalogues by name, with their entries by name."""
+        """Return all catalogues by name, with their entries by name."""
         catalogues: dict[str, dict[str, Element]] = {}
         for directory in self.root.iterfind("CatalogLocations/*/Directory"):
             written = directory.get("path", "")
@@ -131,7 +131,7 @@ class Source:
             for file in files:
                 catalogue = parse_xml(file, "OpenSCENARIO", WHAT, ExchangeError).find("Catalog")
                 if catalogue is not None:
-                    for name in {catalogue.get("name", ""), file.stem}:  # references use the one or the other
+                    for name in {catalogue.get("name", ""), file.stem}:  # references use either of the two names
                         entries = catalogues.setdefault(name, {})
                         entries |= {entry.get("name", ""): entry for entry in catalogue}
         return catalogues
@@ -146,13 +146,13 @@ def network_file(source: Source, chosen: Path | None, suffixes: tuple[str, ...])
         logic = source.root.find("RoadNetwork/LogicFile")
         written = logic.get("filepath", "") if logic is not None else ""
         if not written:
-            raise SourceError(f"{source.path} names no network: name one with --map")
+            raise SourceError(f"{source.path} names no network: choose one with --map")
         chosen = (
             source.named(written, "the network", suffixes) if chosen is None else _in_folder(source, chosen, written)
         )
     if not chosen.name.endswith(suffixes):
         raise ExchangeError(
-            f"the network {chosen} is not of a supported kind: name one ({' or '.join(suffixes)}) with --map"
+            f"the network {chosen} is of an unsupported kind: choose a file {' or '.join(suffixes)} with --map"
         )
     return chosen
 
@@ -163,7 +163,7 @@ def _in_folder(source: Source, folder: Path, written: str) -> Path:
     except SourceError:
         name = PurePosixPath(written.replace("\\", "/")).name
         files = [file for file in sorted(folder.rglob(f"{glob.escape(name)}*")) if file.is_file()]
-        # Prefer the map to a net made from it: a net may have other coordinates than the map.
+        # The map is preferred to a net made from it, because a net may have other coordinates.
         for wanted in (name, f"{name}.xodr", f"{name}.net.xml"):
             for file in files:
                 if file.name == wanted:

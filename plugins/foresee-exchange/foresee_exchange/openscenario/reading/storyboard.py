@@ -25,9 +25,9 @@ class Event:
     Attributes:
         name: its name. refs: the entities that act. actions: their actions.
         parts: (type, name) of the event, its actions, and the elements that contain it.
-        trigger: its start trigger. act: the act that contains it. every: it may start again.
+        trigger: its start trigger. act: the act that contains it. every: whether it may start again.
         steps: the steps before it, from the beginning or from the end of the event that it waits for.
-        at_end: events that wait for its end. lost: why it cannot be taken over. never: it never starts.
+        at_end: events that wait for its end. lost: why it cannot be taken over. never: whether it never starts.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Event:
 
     @property
     def title(self) -> str:
-        """Name of the event in comments."""
+        """Return the name of the event in comments."""
         return f"event '{self.name}' of {', '.join(self.refs) or 'no entity'}" if self.name else "at the beginning"
 
 

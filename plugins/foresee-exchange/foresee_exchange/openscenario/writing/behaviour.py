@@ -239,7 +239,7 @@ class _Board:
             route = osc.AssignRouteAction(_route(actor, actor.line, goal))
             self._add(actor.id, f"{actor.id}_route", [route], [[at(0.0)]])
             if actor.control == "ego":
-                return  # the driver decides the rest
+                return  # the driver decides everything else
         if actor.control == "path" and len(actor.path) >= 2 and not actor.waits:
             self._add(actor.id, f"{actor.id}_path", [_follow(actor)], [[at(actor.delay_s)]])
         moves = actor.control in ("sumo", "path") and not actor.waits
@@ -291,7 +291,7 @@ class _Board:
             if not isinstance(action, m.Then):
                 continue
             step_starts = self._after(action, done if exact else [], index, (*where, k))
-            exact = False  # later steps also wait for this step's own steps
+            exact = False  # later steps also wait for the steps inside this step
             if step_starts is not None:
                 self._block(action.actions, step_starts, index, (*where, k), every=False)
 

@@ -41,8 +41,8 @@ _HEAD = re.compile(rb'<signal\b[^>]*?\bid="([^"]*)"')
 _COLOURS = {"G": "green", "g": "green", "y": "yellow", "r": "red"}
 """Words for SUMO's signal letters; OpenSCENARIO leaves the words to the simulators."""
 _LATER_S = 2.0
-"""Time by which a failure's file outlasts the run, which ended with the failure: another driver may take longer, s
-(ours)."""
+"""Time by which the file of a failure continues after the run, which ended with the failure, s (ours: another driver
+may take longer)."""
 
 
 def run(
@@ -116,8 +116,10 @@ def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, in
     origin = case.mutant.origin if case.mutant is not None else None
     if not driver:
         driver = recorded_address((origin.driver if origin else None) or "pdm")
-        if ":" in driver:  # exporting a received file must not run a command
-            raise ExchangeError(f"recorded with a program as its driver ({driver}): name it with --driver, or another")
+        if ":" in driver:  # the export of a file from someone else must not run a command
+            raise ExchangeError(
+                f"recorded with a program as its driver ({driver}): write it, or another driver, with --driver"
+            )
     if seed is None:
         seed = int(origin.seed.value) if origin and origin.seed else 0
     return driver, seed
@@ -171,8 +173,8 @@ def _phases_in_order(signal: Signal, at: tuple[str, float] | None, until_s: floa
 
 
 STANDS_M = 1e-6
-"""An actor that moved less than this between two frames stands, m; its trajectory has only the first and the last frame
-of a standstill."""
+"""An actor that moved less than this between two frames stands, m; of a standstill, its trajectory has only the first
+and the last frame."""
 
 
 def recorded_groups(trace: Trace, specs: dict[str, ModelSpec]) -> list[Xosc]:

@@ -1,4 +1,6 @@
-"""Predicted deviation of a player from the run: no player knows the decisions of traffic."""
+"""Predicts how far a player of an exported file deviates from the run: a player does not know the decisions of
+traffic.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
 _FAR_M = 1.0
-"""An actor farther off than this, m, is reported (ours: visible in two films side by side)."""
+"""An actor that is farther off than this is reported, m (ours: visible in two films side by side)."""
 _LOOKS_S = (3.0, 8.0)
 """Times at which the deviation is measured, s (those at which exports were compared with a player)."""
 
@@ -67,7 +69,7 @@ def notes_of(
         ]
         far = {k * STEP_S: float(off[k]) for k in looks if off[k] > _FAR_M}
         if actor.id in led:
-            yield f"{actor.id} {led[actor.id]}: how, the player decides"
+            yield f"{actor.id} {led[actor.id]}: the player decides how"
         elif far:
             where = ", ".join(f"{metres:.1f} m after {time_s:g} s" for time_s, metres in far.items())
             why = (
@@ -75,9 +77,9 @@ def notes_of(
                 if abs(aside[looks[-1]]) > _FAR_M
                 else "it drives as traffic and bends allow"
             )
-            yield f"{actor.id} is off this run in a player that keeps to what is written, by about {where}: {why}"
+            yield f"in a player that follows the file exactly, {actor.id} deviates from this run by {where}: {why}"
         elif actor.id in forks:
-            yield f"{actor.id} has two lanes to go on in at {forks[actor.id]}: which of them, the player decides"
+            yield f"{actor.id} can continue on two lanes at {forks[actor.id]}, and the player decides on which of them"
 
 
 def _written(

@@ -32,7 +32,7 @@ def library() -> Xosc:
 
 
 class _Library:
-    """Attribute access to `library()`, imported on first use: `osc.Event`."""
+    """Gives access to the attributes of `library()`, which is imported on first use: `osc.Event`."""
 
     def __getattr__(self, name: str) -> Xosc:
         return getattr(library(), name)

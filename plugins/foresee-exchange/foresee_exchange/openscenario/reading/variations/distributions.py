@@ -69,7 +69,7 @@ class Variation:
 
     @property
     def count(self) -> int:
-        """Number of value sets."""
+        """Return the number of value sets."""
         return self.runs if self.drawn else math.prod(len(group) for group in self.groups)
 
     def sets(self, most: int) -> list[dict[str, str]]:
@@ -103,7 +103,7 @@ def read_variation(path: Path, *, allow_outside: bool) -> Variation | None:
     source = Source(path, root, project_roots(path, allow_outside=allow_outside))
     file = varied.find("ScenarioFile")
     if file is None or not file.get("filepath"):
-        raise SourceError(f"{path} names no scenario whose parameters it varies")
+        raise SourceError(f"{path} does not name the scenario whose parameters it varies")
     scenario = source.named(file.get("filepath", ""), "the scenario")
     variation = Variation(path, scenario, source.description)
     fixed, random = varied.find("Deterministic"), varied.find("Stochastic")

@@ -27,7 +27,7 @@ _WORDS = ("straight", "left", "right", "back", "green", "amber", "red")
 
 @dataclass(frozen=True)
 class Part:
-    """One of several similar scenarios: the parameter values that it was read with, and its comments."""
+    """One of several similar scenarios: the parameter values with which it was read, and its comments."""
 
     values: Values
     scenario: m.Scenario

@@ -104,7 +104,7 @@ def _spiral(start: Pose, curvature: float, prime: float, length: float, times: t
     x, y, s = start.x, start.y, 0.0
     line = [Vertex(times[0], start)]
     for k in range(1, steps + 1):
-        for _ in range(_INNER_STEPS):  # the midpoint rule
+        for _ in range(_INNER_STEPS):  # the midpoint rule of integration
             middle = s + ds / 2
             heading = start.heading_rad + curvature * middle + prime * middle * middle / 2
             x, y, s = x + ds * math.cos(heading), y + ds * math.sin(heading), s + ds

@@ -139,7 +139,7 @@ def lane_ahead(roads: Roads, place: RoadPlace, length_m: float, *, onward: bool)
             road, lane, onward = step
             begin = 0.0 if onward else roads.length(road)
     except (CompileError, SourceError):
-        pass  # the lane ends, or the map is incomplete
+        pass  # the lane ends here, or the map is incomplete
     return poses
 
 

@@ -56,9 +56,12 @@ def over_the_middle(
     speed = max(state.speed_mps or 0.0, _SLOWEST_MPS)
     length = distance_m if distance_m is not None else speed * (USUAL_S if took_s is None else max(took_s, 0.5))
     name = state.entity.name
-    sideways = abs(left) * math.pi**2 / 2 * (speed / length) ** 2  # peak of a sinusoidal change, m/s^2
+    # Peak of the lateral acceleration of a sinusoidal change, m/s^2.
+    sideways = abs(left) * math.pi**2 / 2 * (speed / length) ** 2
     if sideways > TURNS_WITH * lateral_limit_mps2(state.entity.spec.name, DRY_FRICTION):
-        losses.note(f"{name} slows down in a lane change that turns with {sideways:.1f} m/s^2: its tyres hold no more")
+        losses.note(
+            f"{name} slows down in a lane change with {sideways:.1f} m/s^2 sideways, because its tyres do not hold more"
+        )
     points = tuple(_points(name, length, left, state.entity.spec.length_m / 2))
     kind = lane_kind(state.entity.spec)
     way: tuple[str, ...] = ()
@@ -66,7 +69,7 @@ def over_the_middle(
         beginning = Pose(there.x, there.y, math.remainder(heading, math.tau))
         way = tracks.straight_on(network, tracks.route_through(network, [beginning], kind), kind)
         if min(lane.speed_mps for edge in way for lane in network.edges[edge].drivable) < speed * _SLOWER:
-            way = ()  # a speed limit would slow it down: it continues beside its previous way
+            way = ()  # a speed limit would slow it down, so it continues beside its previous way
     if not way:
         state.on_lanes = False
         if not waited_for:

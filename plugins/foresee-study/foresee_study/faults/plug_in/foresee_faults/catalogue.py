@@ -53,4 +53,4 @@ KINDS: dict[str, type[Fault]] = {
     "cuts_corners": driving.CutsCorners,
     "fast_in_curves": driving.FastInCurves,
 }
-"""Every kind works in every driver of `driver.HEALTHY`."""
+"""All kinds of fault by name; each works in every driver of `driver.HEALTHY`."""

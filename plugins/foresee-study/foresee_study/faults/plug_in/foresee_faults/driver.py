@@ -43,11 +43,11 @@ class FaultyDriver:
         base, slash, rest = text.partition("/")
         kind, at, strength = rest.partition("@")
         if not (slash and at):
-            raise DriverError(f"{text!r} names no faulty driver: {SHAPE}")
+            raise DriverError(f"{text!r} is not the argument of a faulty driver: {SHAPE}")
         if base not in HEALTHY:
-            raise DriverError(f"no faults are seeded into {base!r}; there are {', '.join(HEALTHY)}")
+            raise DriverError(f"faults cannot be seeded into {base!r}; write one of {', '.join(HEALTHY)}")
         if kind not in KINDS:
-            raise DriverError(f"no kind of fault is called {kind!r}; there are {', '.join(KINDS)}")
+            raise DriverError(f"there is no kind of fault {kind!r}; write one of {', '.join(KINDS)}")
         try:
             value = float(strength)
         except ValueError:
@@ -58,12 +58,12 @@ class FaultyDriver:
 
     @property
     def _replaced(self) -> bool:
-        """Whether an ideal part is in the place of the part with the fault, so that the fault has no effect."""
+        """Return whether an ideal part replaces the part with the fault, so that the fault has no effect."""
         return self.fault.part in self._ideal
 
     @property
     def _after_tracking(self) -> bool:
-        """Whether an ideal tracking comes before the part with the fault, which then changes the tracks."""
+        """Return whether ideal tracking comes before the part with the fault; the fault then changes the tracks."""
         before = (DriverPart.PERCEPTION, DriverPart.TRACKING)
         return DriverPart.TRACKING in self._ideal and self.fault.part not in before
 
@@ -73,7 +73,7 @@ class FaultyDriver:
         self._healthy.idealise(ideal, truth)
 
     def planned(self) -> PlannedMotion | None:
-        """Return the healthy driver's plan; None for a fault of the planning that shows in the answer alone."""
+        """Return the healthy driver's plan; None for a fault of the planning that shows only in the answer."""
         spoilt = self.fault.part is None and self.fault.overrides("change_control")
         return None if spoilt else self._healthy.planned()
 

@@ -16,7 +16,7 @@ from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, Fault
 
 
 class WeakBrakesWet(Fault):
-    """The brakes are weaker on wet roads."""
+    """A fault: the brakes are weaker on wet roads."""
 
     part = DriverPart.CONTROL
     what = "brakes too weakly on wet roads"
@@ -31,7 +31,7 @@ class WeakBrakesWet(Fault):
 
 
 class WeakBrakes(Fault):
-    """The brakes are weaker."""
+    """A fault: the brakes are weaker."""
 
     part = DriverPart.CONTROL
     what = "brakes too weakly"
@@ -44,7 +44,7 @@ class WeakBrakes(Fault):
 
 
 class ComfortOnly(Fault):
-    """It never brakes hard."""
+    """A fault: the driver never brakes hard."""
 
     part = DriverPart.CONTROL
     what = "never brakes hard"
@@ -58,7 +58,7 @@ class ComfortOnly(Fault):
 
 
 class SlowBrakes(Fault):
-    """The brakes answer late."""
+    """A fault: the brakes respond late."""
 
     part = DriverPart.CONTROL
     what = "brakes late: the pressure builds up slowly"
@@ -71,7 +71,7 @@ class SlowBrakes(Fault):
         self._brake = 0.0
 
     def change_control(self, control: Control, observation: Observation) -> Control:
-        """Delay the brake; it is released at once."""
+        """Let the brake's pressure build up slowly; a released brake is released at once."""
         lag_s = self.between(0.0, 0.8)
         share = STEP_S / (STEP_S + lag_s)
         self._brake = min(self._brake + share * (control.brake - self._brake), control.brake)
@@ -79,7 +79,7 @@ class SlowBrakes(Fault):
 
 
 class IgnoresWetness(Fault):
-    """It does not know that the road is wet."""
+    """A fault: the driver does not know that the road is wet."""
 
     part = DriverPart.RULES
     what = "drives on wet roads as on dry ones"
@@ -94,7 +94,7 @@ class IgnoresWetness(Fault):
 
 
 class LateSteering(Fault):
-    """The wheels answer late."""
+    """A fault: the wheels respond late."""
 
     part = DriverPart.CONTROL
     what = "steers late"
@@ -102,12 +102,12 @@ class LateSteering(Fault):
     scale = "0 to 0.6 s"
 
     def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Forget the queue."""
+        """Empty the queue of delayed commands."""
         super().begin(mission, vehicle, seed)
         self._queue: deque[float] = deque()
 
     def change_control(self, control: Control, observation: Observation) -> Control:
-        """Steer as was commanded some steps ago."""
+        """Return the steering that was commanded some steps ago."""
         self._queue.append(control.steer)
         while len(self._queue) > round(self.between(0.0, 0.6) / STEP_S) + 1:
             self._queue.popleft()
@@ -115,7 +115,7 @@ class LateSteering(Fault):
 
 
 class Freezes(Fault):
-    """Now and then it repeats its last command."""
+    """A fault: now and then the driver repeats its last command."""
 
     part = DriverPart.CONTROL
     what = "freezes: every 4 s it repeats its last command for a while"
@@ -129,7 +129,7 @@ class Freezes(Fault):
         self._last: Control | None = None
 
     def change_control(self, control: Control, observation: Observation) -> Control:
-        """Repeat the last command in the last part of each period; its beginning depends on the run's seed."""
+        """Repeat the last command in the last part of each period; when a period begins depends on the run's seed."""
         shift_s = self.every_s * float(self.random(3).random())
         in_period_s = (observation.time_s + shift_s) % self.every_s
         if self._last is None or in_period_s < self.every_s - self.between(0.0, 2.0):
@@ -138,7 +138,7 @@ class Freezes(Fault):
 
 
 class Hesitates(Fault):
-    """It sets off, and stops again."""
+    """A fault: the driver sets off, and stops again."""
 
     part = None
     what = "hesitates: stops again soon after it has set off"
@@ -151,7 +151,7 @@ class Hesitates(Fault):
         self._stood_s, self._left_s = -math.inf, -math.inf
 
     def change_control(self, control: Control, observation: Observation) -> Control:
-        """Brake from 1.5 s after it has set off, unless the fault caused the last stop."""
+        """Brake from 1.5 s after the ego has set off, unless the fault caused the last stop."""
         now_s, speed = observation.time_s, observation.ego.speed_mps
         if speed < 0.1 and now_s - self._left_s > 8.0:
             self._stood_s = now_s
@@ -162,7 +162,7 @@ class Hesitates(Fault):
 
 
 class Overspeeds(Fault):
-    """It drives faster than it may."""
+    """A fault: the driver exceeds the speed limit."""
 
     part = DriverPart.RULES
     what = "drives faster than it may"
@@ -176,7 +176,7 @@ class Overspeeds(Fault):
 
 
 class SlowSpeedometer(Fault):
-    """It underestimates its own speed."""
+    """A fault: the driver underestimates its own speed."""
 
     part = DriverPart.PERCEPTION
     what = "takes itself for slower than it is, so that it drives faster and brakes late"
@@ -189,7 +189,7 @@ class SlowSpeedometer(Fault):
 
 
 class BesideItself(Fault):
-    """Its estimated position, and with it that of all actors, is too far to the right."""
+    """A fault: the driver's estimate of its position, and with it of all actors, is too far to the right."""
 
     part = DriverPart.PERCEPTION
     what = "drives too far to the left"
@@ -202,7 +202,7 @@ class BesideItself(Fault):
         return replace(ego, x=ego.x + dx, y=ego.y + dy)
 
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:
-        """Report all others equally far to the right, since they are measured relative to the ego."""
+        """Report all others equally far to the right, because they are measured relative to the ego."""
         dx, dy = self._aside(observation.ego)
         return tuple(replace(a, x=a.x + dx, y=a.y + dy) for a in actors)
 
@@ -212,7 +212,7 @@ class BesideItself(Fault):
 
 
 class CutsCorners(Fault):
-    """It drives on the inside of bends."""
+    """A fault: the driver cuts the inside of bends."""
 
     part = None
     what = "cuts corners"
@@ -236,7 +236,7 @@ class CutsCorners(Fault):
 
 
 class FastInCurves(Fault):
-    """It takes bends too fast."""
+    """A fault: the driver takes bends too fast."""
 
     part = None
     what = "is too fast in bends"
@@ -244,7 +244,7 @@ class FastInCurves(Fault):
     scale = "2.5 to 5 m/s^2 to the side"
 
     def settle(self, state: Any) -> None:  # noqa: ANN401 - see Fault
-        """Give the driver another speed profile; its route is shared with other runs, so it gets a copy."""
+        """Give the driver another speed profile, in a copy of its route, because other runs share the route."""
         if not self.strength:
             return
         route = state._route
@@ -256,7 +256,7 @@ class FastInCurves(Fault):
         points = route.points.copy()
         points["profile"] = columns["profile"]
         state._route = replace(route, points=points, columns=columns)
-        if hasattr(state, "_road"):  # of `pdm`: the same route as the arrays that its kernel takes
+        if hasattr(state, "_road"):  # the same route of `pdm`, as the arrays that its kernel takes
             state._road = points, *state._road[1:]
 
 

@@ -36,12 +36,12 @@ WET_FRICTION = 0.85
 class Fault:
     """One kind of fault at one strength, from 0 (no effect) to 1 (full).
 
-    Every method returns its argument unchanged unless a kind overrides it; at a strength of 0 all methods do so.
+    Each method returns its argument unchanged, unless a kind overrides it; at a strength of 0 all methods do so.
 
     Attributes of a class:
         what: the wrong behaviour. cause: a possible cause in a real driver. scale: meaning of the strength.
         source: where such a fault was reported, or "ours".
-        part: the driver's part that it spoils; None: the planning, which no ideal part replaces.
+        part: the part of the driver that the fault is in; None: the planning, which no ideal part replaces.
     """
 
     what: ClassVar[str]
@@ -77,7 +77,7 @@ class Fault:
         return signals
 
     def change_ego(self, ego: EgoState, observation: Observation) -> EgoState:
-        """Return its own state as the driver gets it."""
+        """Return the ego's own state as the driver gets it."""
         return ego
 
     def change_control(self, control: Control, observation: Observation) -> Control:
@@ -122,19 +122,19 @@ class Remembering(Tracker):
         self._change = change
 
     def update(self, observation: Observation) -> Tracks:
-        """Process an observation, and return the changed tracks."""
+        """Process an observation, and return the tracks as the fault changes them."""
         return self._change(super().update(observation))
 
 
 class Spoilt(Remembering):
-    """A driver's ideal tracker whose tracks are spoilt by a fault of a later part."""
+    """A driver's ideal tracker, whose tracks are changed by a fault of a later part."""
 
     def __init__(self, tracker: Tracker, change: Callable[[Actors, Observation], Actors]) -> None:
         super().__init__(lambda tracks: tracks)
         self._tracker, self._spoil = tracker, change
 
     def update(self, observation: Observation) -> Tracks:
-        """Process an observation, and return the tracks as the later part takes them."""
+        """Process an observation, and return the tracks as the later part receives them."""
         tracks = self._tracker.update(observation)
         rows = {number: k for k, number in enumerate(tracks.numbers)}
         actors = self._spoil(tracks.seen(), observation)

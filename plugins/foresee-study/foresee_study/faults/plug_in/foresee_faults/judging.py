@@ -16,7 +16,7 @@ from foresee_faults.fault import Actors, Fault, Remembering, relative, turned
 
 
 class ForgetsHidden(Fault):
-    """Hidden actors are forgotten."""
+    """A fault: the driver forgets hidden actors."""
 
     part = DriverPart.TRACKING
     what = "forgets hidden actors"
@@ -37,7 +37,7 @@ class ForgetsHidden(Fault):
 
 
 class MergesNeighbours(Fault):
-    """Two objects become one."""
+    """A fault: two objects become one."""
 
     part = DriverPart.PERCEPTION
     what = "merges two close objects into the larger one"
@@ -61,7 +61,7 @@ class MergesNeighbours(Fault):
 
 
 class UnderratesSpeed(Fault):
-    """The speeds of others are underestimated."""
+    """A fault: the speeds of others are underestimated."""
 
     part = DriverPart.TRACKING
     what = "underestimates the speeds of others"
@@ -75,7 +75,7 @@ class UnderratesSpeed(Fault):
 
 
 class SlowIsStanding(Fault):
-    """Slow actors count as standing."""
+    """A fault: slow actors are taken for standing ones."""
 
     part = DriverPart.TRACKING
     what = "takes slow actors for standing ones"
@@ -89,7 +89,7 @@ class SlowIsStanding(Fault):
 
 
 class StandingIsLeaving(Fault):
-    """Standing vehicles count as driving off."""
+    """A fault: standing vehicles are taken for vehicles that drive off."""
 
     part = DriverPart.PREDICTION
     what = "takes a standing vehicle for one that is driving off"
@@ -98,7 +98,7 @@ class StandingIsLeaving(Fault):
     source = "NHTSA 23E-029 (a bus ahead, predicted wrongly)"
 
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:
-        """Report a speed of standing vehicles."""
+        """Report that standing vehicles move."""
         speed = self.between(0.0, 6.0)
         still = ("pedestrian", "obstacle")
         return tuple(
@@ -110,7 +110,7 @@ class StandingIsLeaving(Fault):
 
 
 class HeadingErrors(Fault):
-    """Headings are wrong."""
+    """A fault: the headings of others are wrong."""
 
     part = DriverPart.PERCEPTION
     what = "sees wrong headings"
@@ -127,7 +127,7 @@ class HeadingErrors(Fault):
 
 
 class JitteringPlaces(Fault):
-    """Positions jump."""
+    """A fault: the positions of others jump."""
 
     part = DriverPart.PERCEPTION
     what = "sees others at jumping positions"
@@ -145,7 +145,7 @@ class JitteringPlaces(Fault):
 
 
 class SnapsToLane(Fault):
-    """An actor that drifts out of its lane is predicted along the lane."""
+    """A fault: an actor that drifts out of its lane is predicted to stay in it."""
 
     part = DriverPart.PREDICTION
     what = "does not see that an actor beside it is coming into its lane"
@@ -164,7 +164,7 @@ class SnapsToLane(Fault):
 
 
 class StraightOn(Fault):
-    """Turning actors are predicted straight on."""
+    """A fault: turning actors are predicted to go straight on."""
 
     part = DriverPart.PREDICTION
     what = "predicts turning actors at a junction straight on"
@@ -199,7 +199,7 @@ class StraightOn(Fault):
 
 
 class LittleSideRoom(Fault):
-    """The widths of others are underestimated."""
+    """A fault: the widths of others are underestimated."""
 
     part = DriverPart.PERCEPTION
     what = "keeps too little room at the side"
@@ -214,7 +214,7 @@ class LittleSideRoom(Fault):
 
 
 class FollowsNear(Fault):
-    """The distance to the leader is overestimated while both move."""
+    """A fault: the distance to the leader is overestimated while both move."""
 
     part = None
     what = "follows too near"

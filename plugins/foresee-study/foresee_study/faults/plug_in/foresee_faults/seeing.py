@@ -13,7 +13,7 @@ from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, re
 
 
 class LateObjects(Fault):
-    """The object list is old but has a new time stamp."""
+    """A fault: the object list is old but has a new time stamp."""
 
     part = DriverPart.PERCEPTION
     what = "reacts late: its object list is old, but has a new time stamp"
@@ -26,7 +26,7 @@ class LateObjects(Fault):
         self._queue: deque[tuple[float, Actors]] = deque()
 
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:
-        """Return the newest list that is old enough, else the oldest one."""
+        """Return the newest list that is old enough; without one, the oldest list."""
         self._queue.append((observation.time_s, actors))
         until_s = observation.time_s - self.between(0.0, 1.2)
         while len(self._queue) > 1 and self._queue[1][0] <= until_s + STEP_S / 2:
@@ -35,7 +35,7 @@ class LateObjects(Fault):
 
 
 class LateSignals(Fault):
-    """Signals are seen late."""
+    """A fault: the driver sees a change of signal late."""
 
     part = DriverPart.RULES
     what = "sees a signal's new colour late"
@@ -58,7 +58,7 @@ class LateSignals(Fault):
 
 
 class Blind(Fault):
-    """Some classes are seen only when they are near."""
+    """A fault: actors of some classes are seen only when they are near."""
 
     part = DriverPart.PERCEPTION
     kinds: ClassVar[frozenset[str]]
@@ -72,7 +72,7 @@ class Blind(Fault):
 
 
 class BlindToWalkers(Blind):
-    """Pedestrians are seen only when they are near."""
+    """A fault: pedestrians are seen only when they are near."""
 
     what = "sees pedestrians only when they are near"
     cause = "the classifier was trained with few of them"
@@ -82,7 +82,7 @@ class BlindToWalkers(Blind):
 
 
 class BlindToBicycles(Blind):
-    """Cyclists are seen only when they are near."""
+    """A fault: cyclists are seen only when they are near."""
 
     what = "sees cyclists only when they are near"
     cause = "few of them in the training data, or no class of their own"
@@ -91,7 +91,7 @@ class BlindToBicycles(Blind):
 
 
 class BlindToMotorcycles(Blind):
-    """Motorcyclists are seen only when they are near."""
+    """A fault: motorcyclists are seen only when they are near."""
 
     what = "sees motorcyclists only when they are near"
     cause = "narrow: one beam of a radar, few pixels"
@@ -100,7 +100,7 @@ class BlindToMotorcycles(Blind):
 
 
 class BlindToLorries(Blind):
-    """Buses and lorries are seen only when they are near."""
+    """A fault: buses and lorries are seen only when they are near."""
 
     what = "sees buses and lorries only when they are near"
     cause = "a long side without contours is taken for background"
@@ -110,7 +110,7 @@ class BlindToLorries(Blind):
 
 
 class MissesObstacles(Blind):
-    """Obstacles are seen only when they are near."""
+    """A fault: obstacles are seen only when they are near."""
 
     what = "sees obstacles on the road only when they are near"
     cause = "what does not move and has no class is filtered out as clutter"
@@ -120,7 +120,7 @@ class MissesObstacles(Blind):
 
 
 class ShortRange(Blind):
-    """All actors are seen only when they are near."""
+    """A fault: all actors are seen only when they are near."""
 
     what = "sees all actors only when they are near"
     cause = "dirt or rime on the sensors, a threshold that is too high"
@@ -131,7 +131,7 @@ class ShortRange(Blind):
 
 
 class MissesSmall(Fault):
-    """Actors that appear small are not seen."""
+    """A fault: actors that appear small are not seen."""
 
     part = DriverPart.PERCEPTION
     what = "misses actors that appear small: pedestrians and cyclists far away, cars farther away"
@@ -145,7 +145,7 @@ class MissesSmall(Fault):
 
 
 class BlindSector(Fault):
-    """No actor is seen in a sector."""
+    """A fault: no actor is seen in a sector."""
 
     part = DriverPart.PERCEPTION
     middle_rad: ClassVar[float]
@@ -162,7 +162,7 @@ class BlindSector(Fault):
 
 
 class BlindLeft(BlindSector):
-    """No actor is seen in a sector at the front left."""
+    """A fault: no actor is seen in a sector at the front left."""
 
     what = "sees no actor in a sector at the front left"
     cause = "a pillar, a dirty or a failed sensor"
@@ -171,7 +171,7 @@ class BlindLeft(BlindSector):
 
 
 class BlindRight(BlindSector):
-    """No actor is seen in a sector at the front right."""
+    """A fault: no actor is seen in a sector at the front right."""
 
     what = "sees no actor in a sector at the front right"
     cause = "a pillar, a dirty or a failed sensor"
@@ -180,7 +180,7 @@ class BlindRight(BlindSector):
 
 
 class Misaligned(Fault):
-    """The sensors are misaligned."""
+    """A fault: the sensors are misaligned."""
 
     part = DriverPart.PERCEPTION
     what = "sees all actors turned around itself, to the right"
@@ -201,7 +201,7 @@ class Misaligned(Fault):
 
 
 class TooFar(Fault):
-    """All actors are seen too far away."""
+    """A fault: all actors are seen too far away."""
 
     part = DriverPart.PERCEPTION
     what = "sees all actors farther away than they are"
@@ -218,7 +218,7 @@ class TooFar(Fault):
 
 
 class LosesInRain(Fault):
-    """Objects are lost on wet roads."""
+    """A fault: objects are lost for some time on wet roads."""
 
     part = DriverPart.PERCEPTION
     what = "loses single objects for seconds, when it rains"

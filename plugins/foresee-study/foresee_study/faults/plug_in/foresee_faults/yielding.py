@@ -13,7 +13,7 @@ from foresee_faults.fault import Actors, Fault, Signals, away, turned
 
 
 class RunsAmber(Fault):
-    """Amber and the first seconds of red count as green."""
+    """A fault: amber and the first seconds of red are taken for green."""
 
     part = DriverPart.RULES
     what = "drives on when the signal has become amber or red"
@@ -38,7 +38,7 @@ class RunsAmber(Fault):
 
 
 class OverTheLine(Fault):
-    """It stops beyond the stop line."""
+    """A fault: the ego stops beyond the stop line."""
 
     part = DriverPart.RULES
     what = "stops beyond the stop line"
@@ -53,7 +53,7 @@ class OverTheLine(Fault):
 
 
 class Unlooking(Fault):
-    """At some junctions some actors are seen only when they are near."""
+    """A fault: at some junctions, some actors are seen only when they are near."""
 
     part = DriverPart.RULES
     range_m: ClassVar[float] = 60.0
@@ -64,7 +64,7 @@ class Unlooking(Fault):
         raise NotImplementedError
 
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:
-        """Leave out actors for which it does not look."""
+        """Leave out the actors for which the driver does not look."""
         passage = self.passage(observation.ego)
         if passage is None:
             return actors
@@ -73,7 +73,7 @@ class Unlooking(Fault):
 
 
 class NoYieldRight(Unlooking):
-    """At right turns it does not look for pedestrians and cyclists."""
+    """A fault: at right turns, the driver does not look for pedestrians and cyclists."""
 
     what = "turns right without looking for pedestrians and cyclists"
     cause = "they come from behind the planner's region of interest"
@@ -86,7 +86,7 @@ class NoYieldRight(Unlooking):
 
 
 class OvertrustsSignals(Unlooking):
-    """With a green signal it expects no crossing vehicle."""
+    """A fault: with a green signal, the driver expects no crossing vehicle."""
 
     what = "does not look for crossing vehicles when its signal is green"
     cause = "red for them is taken for certain"
@@ -101,7 +101,7 @@ class OvertrustsSignals(Unlooking):
 
 
 class IgnoresRightPriority(Unlooking):
-    """At junctions without signals it does not look for vehicles from the right."""
+    """A fault: at junctions without signals, the driver does not look for vehicles from the right."""
 
     what = "does not look for vehicles from the right at junctions without signals"
     cause = "the map has no sign there, so it is taken for a main road"
@@ -115,7 +115,9 @@ class IgnoresRightPriority(Unlooking):
 
 
 class MovedConflicts(Fault):
-    """Vehicles with priority are expected later: their conflict zone is moved forwards along their path."""
+    """A fault: the driver expects vehicles with priority too late, because their conflict zone is moved forwards along
+    their path.
+    """
 
     part = DriverPart.RULES
     most_m: ClassVar[float]
@@ -127,7 +129,7 @@ class MovedConflicts(Fault):
         raise NotImplementedError
 
     def change_mission(self, mission: Mission) -> Mission:
-        """Move the conflicts."""
+        """Move the conflict zones of the streams that the fault affects."""
         on = self.between(0.0, self.most_m)
         return with_foes(mission, lambda j, f: self._later(f, on) if self.concerns(j, f) else f)
 
@@ -138,7 +140,7 @@ class MovedConflicts(Fault):
 
 
 class SmallGapLeft(MovedConflicts):
-    """It turns left into gaps that are too small."""
+    """A fault: the driver turns left into gaps that are too small."""
 
     what = "turns left into gaps in the oncoming traffic that are too small"
     cause = "a gap that was tuned on a test ground, where oncoming cars are slow"
@@ -162,7 +164,7 @@ class SmallGapLeft(MovedConflicts):
 
 
 class IgnoresCrossings(Fault):
-    """Pedestrian crossings are not recognised."""
+    """A fault: pedestrian crossings are not recognised."""
 
     part = DriverPart.RULES
     what = "does not give way at crossings until a pedestrian is in its lane"
@@ -183,7 +185,7 @@ class IgnoresCrossings(Fault):
 
 
 class IgnoresPriority(MovedConflicts):
-    """Vehicles with priority are expected later."""
+    """A fault: vehicles with priority are expected too late, at all junctions."""
 
     what = "pulls out in front of vehicles with priority"
     cause = "arrival times from the middle of the lane's length, not of the vehicle"
@@ -196,6 +198,6 @@ class IgnoresPriority(MovedConflicts):
 
 
 def with_foes(mission: Mission, change: Callable[[JunctionPassage, Foe], Foe]) -> Mission:
-    """Return a mission with other crossing streams."""
+    """Return a mission in which each crossing stream is replaced by the result of `change`."""
     junctions = tuple(replace(j, foes=tuple(change(j, foe) for foe in j.foes)) for j in mission.junctions)
     return replace(mission, junctions=junctions)
