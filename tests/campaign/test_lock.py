@@ -73,6 +73,15 @@ def test_one_process_may_ask_again_and_lets_go_also_when_something_raises(tmp_pa
     assert not locked()
 
 
+def test_others_may_lock_a_shared_folder_as_far_as_the_umask_allows(tmp_path: Path) -> None:
+    before = os.umask(0o002)
+    try:
+        with only_writer(tmp_path, "--out"):
+            assert (tmp_path / ".lock").stat().st_mode & 0o777 == 0o664
+    finally:
+        os.umask(before)
+
+
 def test_a_fork_does_not_keep_the_lock(tmp_path: Path) -> None:
     """A worker of a single run is a fork, and has all descriptors of the process that it was made of."""
     with Store(tmp_path):

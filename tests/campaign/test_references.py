@@ -90,6 +90,21 @@ def test_a_driver_that_is_elsewhere_or_comes_later_anyhow_is_not_comparable(tmp_
         assert any(word in apart for word in words), apart
 
 
+@pytest.mark.parametrize(("behind_s", "comparable"), [(0.0, True), (0.5, True), (1.5, False)])
+def test_who_would_come_within_a_second_is_in_the_same_situation(
+    tmp_path: Path, behind_s: float, comparable: bool
+) -> None:
+    case = struck_case(tmp_path / "project")
+    failing, passing = (run_test_case(case, driver, 0).trace for driver in ("pdm", "idm"))
+    states = passing.states.copy()
+    heading = states[0, 0, HEADING]
+    back_m = behind_s * failing.states[:, 0, SPEED].max()
+    states[:, 0, X] -= back_m * np.cos(heading)
+    states[:, 0, Y] -= back_m * np.sin(heading)
+    apart = compared(failing, replace(passing, states=states), compile_test_case(case)).apart
+    assert apart == "" if comparable else "later anyhow" in apart, apart
+
+
 def test_the_mutant_says_it_and_means_the_same(done: tuple[Path, Path, CampaignResult, Heard]) -> None:
     _, out, result, _ = done
     for clip in result.clips:

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.steps.minimise import judge_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.minimise.boundary import stable_edge
-from foresee_dsl.derive.minimise.candidate import Subject, without_actors
+from foresee_dsl.derive.minimise.candidate import Subject, build, without_actors
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError, Minimal, minimise
 from foresee_dsl.derive.minimise.outcome import Boundary, Ended, ValueTrial
 from foresee_dsl.derive.minimise.reductions import drop_most
@@ -143,6 +143,20 @@ def test_without_the_parents_run_the_clip_is_not_shortened(street: Street) -> No
     found = minimise(street.subject(HURRY, SWERVE, trace=False), JUDGE, limit_m=0.75)
     assert not found.cut_again and not found.dropped.seconds
     assert found.dropped.actors == 4 and found.dropped.changes == 1
+
+
+def test_a_later_clip_has_the_same_changes_at_the_same_moments_of_the_run(street: Street) -> None:
+    subject = street.subject(HURRY, SWERVE)
+    whole = subject.whole
+    hurry, swerve = build(subject, replace(whole, first=whole.first + 10)).mutant.changes
+    assert hurry.start is None and (hurry.was, hurry.now) == (whole.changes[0].was, whole.changes[0].now)
+    assert isinstance(swerve.start, m.Quantity) and swerve.start.si == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("first", "last"), [(-1, 100), (0, 100_000), (50, 50)])
+def test_a_clip_is_cut_within_the_parents_run(street: Street, first: int, last: int) -> None:
+    with pytest.raises(ValueError, match=rf"has no frames {first} to {last}"):
+        street.subject(SWERVE).cut(first, last)
 
 
 def test_a_clip_that_states_no_risky_point_is_shortened_up_to_the_contact(street: Street) -> None:

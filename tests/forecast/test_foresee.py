@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foresee_dsl.forecast.foresee import ForeseeRanker, _best_per_actor, _PerturbedEgo, close_encounters
+from foresee_dsl.forecast.foresee import ForeseeRanker, _best_per_actor, _PerturbedEgo, close_encounters, passes
 from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.simulate.trace import X, Y
 from tests.support.handmade_traces import EAST, NORTH, SOUTH, WEST, make_trace, straight
@@ -26,6 +26,15 @@ def test_critical_crossing_behind_the_ego():
     assert point.trajectory_distance_m == 0.0
     where = f"runner passes {point.distance_m:.1f} m behind the ego at {point.time_s:.2f} s"
     assert point.why == f"critical crossing: {where}"
+
+
+@pytest.mark.parametrize(("heading", "turn"), [(NORTH, 1), (SOUTH, -1)])
+def test_the_side_of_an_actor_is_told_in_the_direction_of_the_ego(heading, turn):
+    ego = straight("car", 0, 0, heading, 5)
+    for ahead_m, left_m, side in ((8, 0, "ahead of"), (-8, 0, "behind"), (0, 3, "left of"), (0, -3, "right of")):
+        other = straight("car", -turn * left_m, turn * ahead_m, heading, 5)
+        (encounter, *_) = close_encounters(make_trace({"ego": ego, "lead": other}), ForeseeSettings(), before_s=5)
+        assert passes(make_trace({"ego": ego, "lead": other}), encounter).split(" the ego")[0].endswith(f" m {side}")
 
 
 def test_crossing_far_from_the_ego_is_not_critical():

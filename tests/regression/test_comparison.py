@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
 from foresee_dsl.campaign.regression.comparison import Pair, Ran, Side, compare
-from foresee_dsl.simulate.results.verdict import Verdict, passes
+from foresee_dsl.simulate.results.verdict import ExpectationResult, Verdict, passes
 
 
 def ran(name: str = "a", verdict: Verdict = Verdict.PASS, near: Mapping[str, float] | None = None, **more: str) -> Ran:
@@ -131,6 +132,17 @@ def test_test_cases_are_paired_by_meaning_and_named_where_they_cannot_be() -> No
 def test_of_two_runs_with_one_meaning_the_first_counts() -> None:
     base = Side("old", (ran(), ran(verdict=Verdict.F2)))
     assert compare(base, Side("new", (ran(),))).sentence.endswith("the same test cases pass")
+
+
+def test_a_broken_expectation_says_the_value_in_its_words_or_else_by_how_much() -> None:
+    bare = ExpectationResult("never collision(ego)", held=False)
+    margin = replace(bare, text="ego.speed < 50 km/h", margin=-1.5, unit="km/h")
+    measured = replace(margin, text="arrived(ego) and ego.speed < 50 km/h", decides="ego.speed", value=51.5)
+    assert [result.broken_sentence for result in (bare, margin, measured)] == [
+        "does not hold: never collision(ego)",
+        "does not hold: ego.speed < 50 km/h (by 1.50 km/h)",
+        "does not hold: arrived(ego) and ego.speed < 50 km/h (51.50 km/h in `ego.speed`)",
+    ]
 
 
 def test_a_run_passes_without_a_failure_and_without_a_broken_expectation() -> None:

@@ -216,6 +216,16 @@ def test_distance_and_pet_are_those_of_the_single_pair(
         assert found.pet_s.value == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("at_frame", range(40, 46))
+def test_a_worst_value_between_the_frames_that_are_looked_at_first_counts(at_frame: int) -> None:
+    """The ego drives at 10 m/s towards a standing car, and brakes hard from a frame on: then the time is smallest."""
+    speeds = np.where(np.arange(81) <= at_frame, 10.0, 1.0)
+    ego = along(np.concatenate([[0.0], np.cumsum(speeds[:-1] * STEP_S)]), speeds)
+    trace = make_trace({"ego": ego, "lead": straight("car", 40, 0, EAST, 0, seconds=4)})
+    found = near_misses(trace).ttc_s
+    assert value(found) == (pytest.approx(3.6 - at_frame * STEP_S), round(at_frame * STEP_S, 6), "lead")
+
+
 def test_nothing_of_a_run_is_changed() -> None:
     trace = make_trace({"ego": straight("car", 0, 0, EAST, 10), "lead": straight("car", 34, 0, EAST, 5)})
     before = replace(trace).digest

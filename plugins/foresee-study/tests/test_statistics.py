@@ -123,3 +123,5 @@ def test_repetitions_of_a_test_case_are_drawn_together(first: list[int], second:
 
 def test_an_interval_is_the_middle_95_percent_of_the_resamples() -> None:
     assert percentiles(np.arange(1001.0)) == (25.0, 975.0)
+    few, many = (np.where(np.arange(1000) < without, np.nan, np.arange(1000.0)) for without in (50, 51))
+    assert not np.isnan(percentiles(few)).any() and np.isnan(percentiles(many)).all()
