@@ -70,9 +70,10 @@ def test_hundreds_of_mistakes_of_a_kind_are_few_messages(tmp_path: Path) -> None
     done = foresee(tmp_path, "check", "x.foresee", "--format", "json")
     found = [d["message"] for d in json.loads(done.stdout)["diagnostics"] if d["severity"] == "error"]
     assert done.returncode == 1 and len(found) == 42, found[:3]
-    assert [message for message in found if "more of this kind" in message] == [
-        "280 more of this kind: the last is that off299 starts 6081.6 m off its route",
-        "280 more of this kind: the last is that fast299 is to go 900 km/h, but car.compact can go only 180 km/h",
+    assert [message for message in found if "more errors of this kind" in message] == [
+        "280 more errors of this kind: the last is that off299 starts 6081.6 m off its route",
+        "280 more errors of this kind: the last is that fast299 has a speed of 900 km/h, "
+        "but car.compact can reach only 180 km/h",
     ]
 
 
@@ -84,4 +85,4 @@ def test_hundreds_of_actors_in_one_place_are_few_messages(tmp_path: Path) -> Non
     done = foresee(tmp_path, "check", "x.foresee", "--format", "json")
     found = [d for d in json.loads(done.stdout)["diagnostics"] if d["severity"] == "error"]
     assert done.returncode == 1 and len(found) == 21, found[:3]
-    assert found[-1]["message"].startswith("at least 10,000 more of this kind: the last is that v")
+    assert found[-1]["message"].startswith("at least 10,000 more errors of this kind: the last is that v")

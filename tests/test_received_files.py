@@ -189,7 +189,7 @@ def test_references_of_a_campaigns_file_run_with_consent_only(folder: Received, 
     for words in ([], ["--driver", "idm"]):
         done = CliRunner().invoke(app, ["plan", str(folder.against), *words])
         assert isinstance(done.exception, DriverError)
-        assert "--run-programs starts what the file says, --against names other" in str(done.exception)
+        assert "--run-programs starts the programs that the file names, --against names other" in str(done.exception)
     assert not (tmp_path / "out").exists()
     for words in (["--run-programs"], ["--against", "none"], ["--against", folder.address]):
         done = CliRunner().invoke(app, ["plan", str(folder.against), *words])

@@ -73,7 +73,8 @@ class _Commands(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
-        self.commands = dict.fromkeys(self._table, cast("Any", None))  # the names, for "did you mean"
+        # These are the names that "did you mean" may suggest.
+        self.commands = dict.fromkeys(self._table, cast("Any", None))
         self._looked = False
 
     _table = MappingProxyType({name: (panel, function) for panel, name, function in COMMANDS})
@@ -165,7 +166,8 @@ app = typer.Typer(
     help="Write traffic situations as text, drive your software through them, "
     "and find the failures behind the near misses.",
     epilog="A test case is addressed like a pytest node: [cyan]scenarios/scenario7.foresee::r03[/cyan]. "
-    "Exit codes: 0 nothing failed, 1 failures were found or the input has errors, 2 wrong usage, 3 our own fault.",
+    "Exit codes: 0 nothing failed, 1 failures were found or the input has errors, 2 wrong usage, 3 a "
+    "fault of foresee itself.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,

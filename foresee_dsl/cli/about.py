@@ -1,4 +1,4 @@
-"""Commands about the installation: drivers, models, the language server, doctor."""
+"""Commands about the installation: `drivers`, `models`, `lsp` (the language server) and `doctor`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def drivers(json: JsonOption = False) -> None:
 
 def models(
     catalogue: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="A catalogue; by default the bundled one.")
+        Path | None, typer.Argument(metavar="FILE", help="File of the catalogue; by default the bundled catalogue.")
     ] = None,
     json: JsonOption = False,
 ) -> None:
@@ -60,18 +60,19 @@ def models(
         rates = (f"{rate_mps2:.1f}" for rate_mps2 in (s.acceleration_mps2, s.braking_mps2, s.emergency_braking_mps2))
         table.add_row(s.name, *sizes, f"{s.max_speed_mps * 3.6:.0f}", *rates)
     console().print(table)
-    console().print("Sizes in m, top speed in km/h, speeding up and braking in m/s².", highlight=False)
+    console().print("Sizes are in m, top speeds in km/h, accelerations and decelerations in m/s².", highlight=False)
 
 
 # ---- lsp ------------------------------------------------------------------------------------------------------------
 
 _LOCAL = "127.0.0.1"
-"""The server reads any file that a client names, so only this machine may connect."""
+"""Address on which the server listens. It reads any file that a client names, so only this machine may connect."""
 
 
 def lsp(
     tcp: Annotated[
-        int | None, typer.Option("--tcp", min=1, max=65535, help="Listen on this port of this machine.")
+        int | None,
+        typer.Option("--tcp", min=1, max=65535, help="Listen on this port of this machine, not on standard input."),
     ] = None,
 ) -> None:
     """Start the language server for editors, which talk to it over standard input and output.
@@ -84,7 +85,7 @@ def lsp(
     if tcp is not None:
         message = f"foresee lsp listens on {_LOCAL}:{tcp}"
         raise typer.Exit(serve_port(_LOCAL, tcp, lambda: typer.echo(message, err=True)))
-    # Standard output carries the protocol alone: other prints go to standard error.
+    # Standard output carries only the protocol, so other prints go to standard error.
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     raise typer.Exit(serve_streams(sys.stdin.buffer, protocol))
@@ -165,7 +166,7 @@ def _libsumo() -> str:
     code = "import libsumo; print(libsumo.simulation.getVersion()[1])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)  # noqa: S603 - our own interpreter
     if done.returncode:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["it ended without a message"])[-1])
+        raise RuntimeError((done.stderr.strip().splitlines() or ["the process ended without a message"])[-1])
     return done.stdout.strip()
 
 

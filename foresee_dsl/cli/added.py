@@ -63,7 +63,10 @@ def help_of(name: str) -> str:
 def clashes(ours: frozenset[str]) -> tuple[str, ...]:
     """Return a sentence for each command of another package that is refused because foresee-dsl has its name."""
     return tuple(
-        f"the command {entry.name!r} of package {package_of(entry)} is refused: foresee-dsl has a command of this name"
+        (
+            f"the command {entry.name!r} of package {package_of(entry)} is refused, because foresee-dsl has a "
+            "command of this name"
+        )
         for entry in ADDED.entries()
         if entry.name in ours
     )
@@ -86,7 +89,7 @@ def _source(module: str) -> str:
     """
     top, *parts = module.split(".")
     spec, name = None, top
-    with suppress(ValueError):  # a loaded module without a spec
+    with suppress(ValueError):  # this is raised for a loaded module without a spec
         spec = find_spec(top)
     for part in parts:
         name = f"{name}.{part}"

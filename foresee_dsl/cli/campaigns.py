@@ -1,4 +1,4 @@
-"""Commands over many test cases: campaign, plan, assess."""
+"""Commands over many test cases: `campaign`, `plan` and `assess`."""
 
 from __future__ import annotations
 
@@ -62,15 +62,16 @@ def campaign(
     paths: Paths,
     flags: Flags,
     executor: Annotated[
-        str, typer.Option(help="Where the runs happen: local (processes here) or dask (a cluster).")
+        str, typer.Option(help="Where the runs are computed: local (processes on this machine) or dask (a cluster).")
     ] = "local",
     scheduler: Annotated[
-        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
+        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started on this machine.")
     ] = "",
     dashboard: Annotated[
         str,
         typer.Option(
-            metavar="ADDRESS", help="Show the Dask web page of a cluster started here at this address, such as :8787."
+            metavar="ADDRESS",
+            help="Address at which the Dask web page of a cluster on this machine is shown, such as :8787.",
         ),
     ] = "",
     step_deadline: common.StepDeadlineOption = None,
@@ -81,7 +82,8 @@ def campaign(
         bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier campaign.")
     ] = False,
     report: Annotated[
-        Path | None, typer.Option(help="Also save the report to this file: .svg, .html or .txt by its name.")
+        Path | None,
+        typer.Option(help="Also save the report to this file, as the ending of its name says: .svg, .html or .txt."),
     ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Also report the raw counts, by family and kind.")] = False,
     fail_fast: FailFastOption = False,
@@ -137,7 +139,8 @@ def campaign(
         _check(cases)
     if profiler is not None:
         profiler.ready()
-    ctx.with_resource(only_writer(flags.out, "--out"))  # until the pages are written
+    # Until the pages are written, no other campaign may use the folder.
+    ctx.with_resource(only_writer(flags.out, "--out"))
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])
@@ -293,7 +296,8 @@ def _pages(folders: list[Path], out: Path, screen: Console) -> None:
 
 
 class StopSignal:
-    """Counts Ctrl-C and SIGTERM while a campaign runs: the first asks it to stop, a second Ctrl-C ends it at once."""
+    """Counts Ctrl-C and SIGTERM while a campaign runs: the first signal asks it to stop, a second Ctrl-C ends it at
+    once."""
 
     def __init__(self) -> None:
         self.number = 0
@@ -322,7 +326,10 @@ class StopSignal:
             raise KeyboardInterrupt
         if not self.number:
             self.number = number
-            typer.echo("stopping: finished results are kept (again to end at once)", err=True)
+            typer.echo(
+                "stopping; finished results are kept (press Ctrl-C again to end at once)",
+                err=True,
+            )
 
 
 @with_flags
@@ -330,7 +337,9 @@ def plan(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
-    format: Annotated[str, format_option("text, dot (for Graphviz), or json.", "text", "dot", "json")] = "text",
+    format: Annotated[
+        str, format_option("text: for people; dot: for Graphviz; json: for tools.", "text", "dot", "json")
+    ] = "text",
     help_all: HelpAllOption = False,  # noqa: ARG001 - its callback prints the help
 ) -> None:
     """Show what a campaign with the same options would run, what is already done, and how long the rest takes.
@@ -393,7 +402,7 @@ def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> N
         screen.print(campaign_plan.allocation.sentence)
     to_run, more = campaign_plan.runs_to_do
     if not to_run + more:
-        screen.print(f"Everything is in {folder}: nothing is left to run.")
+        screen.print(f"All results are in {folder} already: nothing is left to run.")
         return
     screen.print(f"{to_run} runs" + (f", and at most {more} that follow from them" if more else ""))
     means = (
@@ -424,7 +433,9 @@ def assess(
     rules: common.RulesOption = RULES_MODE,
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    show: Annotated[bool, typer.Option("--failures", help="Also list the runs that did not arrive.")] = False,
+    show: Annotated[
+        bool, typer.Option("--failures", help="Also list the runs in which the ego did not arrive.")
+    ] = False,
     format_: FormatOption = "text",
     junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,

@@ -48,7 +48,7 @@ from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult,
 _STANDING = {"standing": NotRequired[shape(Standing)]}
 """Key that `foresee campaign` prints and `campaign.json` does not have."""
 _PROFILE = {"profile": NotRequired[shape(Profile)]}
-"""Keys that are present only with `--profile`."""
+"""The keys that are present only with `--profile`, with their types."""
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RUN = {
     "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,

@@ -1,4 +1,4 @@
-"""The groups `foresee import` and `foresee export`: a command for each registered format.
+"""The groups `foresee import` and `foresee export`, which have a command for each registered format.
 
 A format is an entry point of the group `foresee_dsl.importers` or `foresee_dsl.exporters`: a function as described in
 `foresee_dsl.exchange.protocol`. Its module is imported when its command runs or its help is requested.
@@ -34,7 +34,8 @@ class _Formats(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
-        names = sorted({*self.plugins.names(), *self.plugins.missing()})  # with the missing ones, which say why
+        # Formats of missing plug-ins are listed too, and say how to install them.
+        names = sorted({*self.plugins.names(), *self.plugins.missing()})
         self.commands = dict.fromkeys(names, cast("Any", None))  # the names, for "did you mean"
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
@@ -48,8 +49,10 @@ class _Formats(TyperGroup):
         return typer.main.get_command(alone)
 
     def _command(self, name: str) -> tuple[Callable[..., None], dict[str, Any]]:
-        """Return the command of a format, and click's settings for it; if the format cannot be loaded, a command that
-        takes any options and whose help and error say why."""
+        """Return the command of a format, and click's settings for it.
+
+        If the format cannot be loaded, the command takes any options, and its help and its error say why.
+        """
         try:
             with self.plugins.loading(self.plugins.find(name)):
                 return _command(self.plugins.load(name)), {}
@@ -66,7 +69,7 @@ class _Formats(TyperGroup):
 
 @dataclass(frozen=True)
 class _NoOptions:
-    """Options of a format that cannot be loaded."""
+    """The options of a format that cannot be loaded: none."""
 
 
 class _Importers(_Formats):

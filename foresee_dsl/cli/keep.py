@@ -1,4 +1,5 @@
-"""Commands of a regression suite: keep failures in it, verify it with a driver, compare two drivers."""
+"""Commands of a regression suite: `keep` adds failures to it, `verify` runs it with a driver, `compare` compares two
+drivers."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.keeping import Report
 
 PAIR = 2
-"""Number of sides of a comparison."""
+"""Number of drivers or campaigns that a comparison has."""
 
 
 def keep(
@@ -36,12 +37,15 @@ def keep(
             metavar="FINDING|MUTANT", help="Findings by number or name, or mutants, clips, test cases (FILE::CASE)."
         ),
     ] = None,
-    to: Annotated[Path, typer.Option("--to", help="The suite: a folder.")] = Path("regressions"),
+    to: Annotated[Path, typer.Option("--to", help="Folder of the regression suite.")] = Path("regressions"),
     campaign: Annotated[
         Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
     ] = Path("out"),
     as_: Annotated[
-        str, typer.Option("--as", metavar="NAME", help="Name of the test in the suite, if only one is kept.")
+        str,
+        typer.Option(
+            "--as", metavar="NAME", help="Name of the test in the suite; possible only if a single test is kept."
+        ),
     ] = "",
     full: Annotated[
         bool, typer.Option("--full", help="Keep a finding in its original form, not the minimised one.")
@@ -67,9 +71,13 @@ def keep(
 
     wanted = list(dict.fromkeys(what or ()))
     if not wanted and not prune:
-        raise typer.BadParameter("name what to keep, or say --prune", param_hint="FINDING|MUTANT")
+        raise typer.BadParameter(
+            "name at least one finding, mutant or test case to keep, or write --prune", param_hint="FINDING|MUTANT"
+        )
     if as_ and (len(wanted) != 1 or not re.fullmatch(NAME_PATTERN, as_)):
-        raise typer.BadParameter("a name in small letters, digits and _, for one test at a time", param_hint="--as")
+        raise typer.BadParameter(
+            "it needs a name of small letters, digits and _, and a single test to keep", param_hint="--as"
+        )
     report = keeping.Report()
     if wanted:
         report = keeping.keep([source_of(name, campaign, full=full) for name in wanted], to, name=as_)
@@ -93,7 +101,7 @@ def _print_kept(report: Report, removed: tuple[Path, ...]) -> None:
     for file in removed:
         typer.echo(f"{'removed':<14}{file}")
     if not report.tests and not removed:
-        typer.echo("nothing to remove: every file is in use")
+        typer.echo("no file was removed, because every file is in use")
 
 
 def verify(
@@ -160,7 +168,9 @@ def verify(
 def compare(
     paths: Annotated[
         list[str],
-        typer.Argument(metavar="BASE NEW | PATH", help="Two campaigns' folders; with --drivers: suites or scenarios."),
+        typer.Argument(
+            metavar="BASE NEW | PATH", help="The folders of two campaigns; with --drivers, suites or scenarios to run."
+        ),
     ],
     drivers: Annotated[
         str, typer.Option("--drivers", metavar="OLD,NEW", help="Run the test cases of PATH with these two drivers.")
@@ -193,9 +203,14 @@ def compare(
 
     names = names_in(drivers)
     if drivers and len(names) != PAIR:
-        raise typer.BadParameter("two drivers, with a comma between them: --drivers pdm,mine", param_hint="--drivers")
+        raise typer.BadParameter(
+            "it needs two drivers with a comma between them, such as --drivers pdm,mine", param_hint="--drivers"
+        )
     if not drivers and len(paths) != PAIR:
-        raise typer.BadParameter("two campaigns' folders, or --drivers OLD,NEW and what to run", param_hint="PATH")
+        raise typer.BadParameter(
+            "name the folders of two campaigns, or write --drivers OLD,NEW and name the test cases to run",
+            param_hint="PATH",
+        )
     if drivers:
         tests, deadlines = tests_under(paths), Deadlines(step_deadline, deadline)
         base, new = (side_of_driver(tests, name, jobs=jobs, deadlines=deadlines) for name in names)

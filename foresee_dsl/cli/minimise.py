@@ -1,4 +1,4 @@
-"""Commands for one finding: minimise, review, diagnose."""
+"""Commands for a single finding: `minimise`, `review` and `diagnose`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def minimise(
         typer.Option("--out", help="The folder to write into; by default minimised/NAME."),
     ] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Write the finding in its original form, with nothing left out.")
+        bool, typer.Option("--full", help="Write the finding in its original form, without minimising it.")
     ] = False,
     budget: Annotated[int, typer.Option(min=1, max=100_000, help="Maximum number of runs.")] = 60,
     driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
@@ -78,7 +78,7 @@ def minimise(
 
 def _print_minimised(minimised: Minimised, runs: int, files: tuple[Path, Path]) -> None:
     screen = console()
-    effort = "known from the store, nothing was run" if not runs else f"{runs} runs"
+    effort = "the result was in the store, so nothing was run" if not runs else f"{runs} runs"
     screen.print(f"{minimised.child.name}: {minimised.child.reason}", soft_wrap=True, markup=False)
     for change in minimised.child.changes:
         screen.print(f"  change {change}", soft_wrap=True, markup=False)
@@ -144,10 +144,13 @@ def diagnose(
     ] = None,
     campaign: CampaignOption = Path("out"),
     every: Annotated[
-        bool, typer.Option("--all", help="Diagnose all findings of the campaign, and count by part.")
+        bool,
+        typer.Option(
+            "--all", help="Diagnose all findings of the campaign, and count how often each part is the cause."
+        ),
     ] = False,
     driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed, instead of the recorded one.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed to use instead of the recorded one.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, max=512, help="Number of processes for `--all`.")] = 1,
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the program that the file records as an external driver.")
@@ -167,7 +170,7 @@ def diagnose(
     from foresee_dsl.report.terminal.diagnosis import counts_text, diagnosis_text
 
     if every == (finding is not None):
-        raise typer.BadParameter("name one finding, or --all", param_hint="FINDING")
+        raise typer.BadParameter("name one finding, or write --all", param_hint="FINDING")
     if finding is None:
         failures = all_failing(campaign, driver=driver, run_programs=run_programs)
     else:

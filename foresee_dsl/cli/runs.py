@@ -1,4 +1,4 @@
-"""Commands for single runs and what derives from them: run, forecast, clip, mutate."""
+"""Commands for single runs and for files that derive from them: `run`, `forecast`, `clip` and `mutate`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run(
         list[str],
         typer.Argument(
             metavar="FILE[::CASE]",
-            help="A scenario (all its cases), a test case, a clip, a mutant, ...",
+            help="A scenario (all its cases), a single test case, a clip or a mutant.",
             autocompletion=case_addresses,
         ),
     ],
@@ -44,7 +44,9 @@ def run(
     seed: common.SeedOption = 0,
     rules: common.RulesOption = RULES_MODE,
     out: Annotated[Path | None, typer.Option("--out", help="Save the traces in this folder.")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes for several cases.")] = 1,
+    jobs: Annotated[
+        int, typer.Option("--jobs", min=1, max=256, help="Number of processes among which several cases are divided.")
+    ] = 1,
     first: FirstOption = None,
     only: OnlyOption = None,
     fail_fast: FailFastOption = False,
@@ -215,7 +217,7 @@ def forecast(
 def clip(
     trace: TraceArgument,
     ranker: common.RankerOption = "foresee",
-    rank: Annotated[int, typer.Option(min=1, help="Rank of the risky point; 1 is the first of the list.")] = 1,
+    rank: Annotated[int, typer.Option(min=1, help="Rank of the risky point to clip; 1 is the riskiest.")] = 1,
     seed: common.SeedOption = 0,
     before: Before = 5.0,
     after: After = 5.0,
@@ -247,7 +249,9 @@ def clip(
     loaded = _load_trace(trace)
     points = _points(loaded, ranker, seed, before, after, allow_outside=allow_outside)
     if rank > len(points):
-        raise ForeseeError(f"{trace} has {len(points)} risky points by {ranker}: there is no rank {rank}")
+        raise ForeseeError(
+            f"{trace} has {len(points)} risky points by {ranker}, so there is no risky point of rank {rank}"
+        )
     point = points[rank - 1]
     case = load_test_case(str(loaded.meta["test_case"]), allow_outside=allow_outside)
     file = out / f"{case_name(case)}_p{rank}.foresee"
@@ -309,7 +313,7 @@ def mutate(
         for child in outcomes:
             typer.echo(f"{child.file}\n  {safe(child.reason)} ({', '.join(child.operators)})")
     else:
-        typer.echo("nothing to mutate: no operator can act on an actor of this clip")
+        typer.echo("nothing was mutated, because no operator can change an actor of this clip")
     if not exit_zero and any(not child.passed for child in outcomes):
         raise typer.Exit(common.FAILED)
 
@@ -337,7 +341,7 @@ def _points(
 
         case = load_test_case(str(trace.meta["test_case"]), allow_outside=allow_outside)
         if trace.meta.get("meaning", case.meaning) != case.meaning:
-            raise ForeseeError(f"{case.id} was edited since this run: run it again, then rank")
+            raise ForeseeError(f"{case.id} was edited since this run: run it again, and rank the new trace")
         return compile_test_case(case)
 
     return ranker_within(ranker, compiled).rank(trace, seed=seed, before_s=before, after_s=after)

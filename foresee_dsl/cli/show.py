@@ -1,4 +1,5 @@
-"""The command `show`: what happens in a run as story, timeline and pictures; what the driver saw and why it waited."""
+"""The command `show`: shows a run as story, timeline and pictures, or step by step with what the driver saw and why it
+waited."""
 
 from __future__ import annotations
 
@@ -23,11 +24,11 @@ if TYPE_CHECKING:
     from foresee_dsl.report.show.sources import ShownRun, Wish
 
 _BOTH_WIDE = 110
-"""Terminal width in columns from which two moments each of a mutant and its parent fit side by side."""
+"""Width of the terminal, in columns, from which two moments each of a mutant and its parent fit side by side."""
 
 
 class Picture(StrEnum):
-    """How a picture is sent to the terminal."""
+    """How a picture is shown in the terminal."""
 
     AUTO = "auto"
     NONE = "none"
@@ -67,7 +68,10 @@ def show(
         ),
     ] = Path("out"),
     picture: Annotated[
-        Picture, typer.Option("--picture", help="Show the strip as a picture if the terminal can; none: as characters.")
+        Picture,
+        typer.Option(
+            "--picture", help="How the strip is shown: as a picture if the terminal can show one; none: as characters."
+        ),
     ] = Picture.AUTO,
     up: Annotated[
         UpSide, typer.Option("--up", help="Direction at the top of the strip: the ego's heading, or north.")
@@ -109,15 +113,15 @@ def show(
         ),
     ] = False,
     from_s: Annotated[
-        float | None, typer.Option("--from", min=0, help="--step, --gif: time of the first step, in seconds.")
+        float | None, typer.Option("--from", min=0, help="With --step or --gif: time of the first step, in seconds.")
     ] = None,
     to_s: Annotated[
-        float | None, typer.Option("--to", min=0, help="--step, --gif: time of the last step, in seconds.")
+        float | None, typer.Option("--to", min=0, help="With --step or --gif: time of the last step, in seconds.")
     ] = None,
     every_s: Annotated[
         float | None,
         typer.Option(
-            "--every", min=0.05, help="--step: seconds between steps; by default 0.05 with keys, 0.5 in a pipe."
+            "--every", min=0.05, help="With --step: seconds between steps; by default 0.05 with keys, 0.5 in a pipe."
         ),
     ] = None,
     fresh: Annotated[
@@ -172,7 +176,7 @@ def show(
 
 def _one_file(targets: list[str], *files: Path | None) -> None:
     if len(targets) > 1 and any(file is not None for file in files):
-        raise typer.BadParameter("a file holds one run: name one run, or show them one by one")
+        raise typer.BadParameter("a file can hold only one run: name a single run")
 
 
 def _console() -> Console:
@@ -219,7 +223,8 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
         steps, same = recorded_steps(page.run, from_s, to_s, every_s or (STEP_S if by_keys else 0.5))
     if not same:
         typer.echo(
-            "this run differs from the kept trace: the driver has changed (`--fresh` takes the new run)", err=True
+            "this run differs from the kept trace, because the driver has changed (`--fresh` shows the new run)",
+            err=True,
         )
     if by_keys:
         walk(console, RunWalk(page, steps))
@@ -258,7 +263,7 @@ def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -
     from foresee_dsl.report.drawing.png import png_of_svg
     from foresee_dsl.report.strip import svg_of
 
-    per_row = 3 if len(strips) == 1 else 6  # a mutant's moments right below those of its parent
+    per_row = 3 if len(strips) == 1 else 6  # the moments of a mutant stand right below those of its parent
     svg = svg_of(strips, label, per_row=per_row)
     _write_bytes(file, png_of_svg(svg) if as_png else svg.encode())
 

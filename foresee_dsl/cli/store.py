@@ -1,4 +1,4 @@
-"""The command `store`: statistics, clean-up, merge and export of the results that campaigns store."""
+"""The command `store`: shows statistics of the results that campaigns store, and cleans up, merges or exports them."""
 
 from __future__ import annotations
 
@@ -18,17 +18,25 @@ TITLES = {"fuzz": "mutated whole (foresee fuzz)"}
 
 
 def store(
-    action: Annotated[str, typer.Argument(metavar="ACTION", help="stat, gc, export or merge.")],
+    action: Annotated[
+        str,
+        typer.Argument(
+            metavar="ACTION", help="What to do: stat, gc (delete results that no longer count), export or merge."
+        ),
+    ],
     folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="[STORE]...", help="The store; for merge, several.")
+        list[Path] | None,
+        typer.Argument(metavar="[STORE]...", help="Folder of the store; for merge, the folders of several stores."),
     ] = None,
-    to: Annotated[Path | None, typer.Option("--to", help="export: the file, .parquet or .csv.")] = None,
-    into: Annotated[Path | None, typer.Option("--into", help="merge: the store that receives all results.")] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="With export: the file to write, .parquet or .csv.")] = None,
+    into: Annotated[
+        Path | None, typer.Option("--into", help="With merge: the store that receives all results.")
+    ] = None,
     older: Annotated[
-        bool, typer.Option("--older", help="gc: also delete results of other versions of this tool.")
+        bool, typer.Option("--older", help="With gc: also delete results of other versions of this tool.")
     ] = False,
     damaged: Annotated[
-        bool, typer.Option("--damaged", help="gc: also read every trace and delete damaged ones.")
+        bool, typer.Option("--damaged", help="With gc: also read every trace and delete damaged ones.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
@@ -47,7 +55,7 @@ def store(
     stores = folders or [Path("out/store")]
     if action == "merge":
         if into is None or not folders:
-            raise typer.BadParameter("merge needs stores, and --into DIR", param_hint="--into")
+            raise typer.BadParameter("merge needs at least one store, and --into DIR", param_hint="--into")
         merged = merge(folders, into)
         _print(merged, _merged(into, merged), json=json)
         return

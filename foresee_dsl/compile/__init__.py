@@ -33,7 +33,8 @@ def compile_test_case(case: TestCase) -> SumoBundle:
 
 
 def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return the errors of test cases that show only on their networks, and the faults of foreign maps, each once.
+    """Return the errors of test cases that show only on their networks, and the faults of foreign maps; each error
+    once.
 
     Only our own code places the actors; no files are written except networks that are not yet in the cache.
     """
@@ -61,8 +62,8 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
 
 
 class _Mistakes:
-    """The errors of the test cases of some files. An error at one place is reported once, with the names of its cases
-    unless all cases of the file have it."""
+    """Collects the errors of the test cases of some files. An error at one place is reported once, with the names of
+    its cases unless all cases of the file have it."""
 
     def __init__(self) -> None:
         self._cases: Counter[Path] = Counter()
@@ -79,7 +80,7 @@ class _Mistakes:
             self._alike.setdefault(same, []).append((name, diagnostic))
 
     def named(self) -> tuple[Diagnostic, ...]:
-        """Return the errors in the order in which they were added."""
+        """Return the errors in the order in which they were added, with the names of their cases."""
         named: dict[Diagnostic, None] = {}
         for (source, *_), alike in self._alike.items():
             (name, first), others = alike[0], len(alike) - 1

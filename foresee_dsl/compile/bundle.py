@@ -1,4 +1,4 @@
-"""The result of compiling: files for SUMO, the network's geometry, and the scene at the first frame."""
+"""The records of a compiled test case: files for SUMO, the network's geometry, and the scene at the first frame."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ class ModelSpec:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """A phase of a signal: index of its stage, SUMO's state string, duration, and its begin after that of its stage."""
+    """A phase of a signal: the index of its stage, SUMO's state string, its duration, and its beginning after that of
+    the stage."""
 
     stage: int
     state: str
@@ -132,7 +133,8 @@ class RecordedState:
 
 @dataclass(frozen=True, slots=True)
 class DoorOf:
-    """A vehicle's door: id of the vehicle, its side, and whether it is open at the first frame."""
+    """The vehicle's door that an actor represents: the vehicle's id, the side, and whether the door is open at the
+    first frame."""
 
     actor: str
     side: str
@@ -193,22 +195,22 @@ class PlacedActor:
     recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
     joins: bool = False
-    """At the end of `path` it continues along `route`."""
+    """True if it continues along `route` at the end of `path`."""
     backs_mps: float = 0.0
-    """Speed with which it reverses at the first frame; `speed_mps` is 0 then."""
+    """Speed with which it reverses at the first frame, m/s; `speed_mps` is 0 then."""
     guided: bool = False
-    """A trigger makes it follow a path."""
+    """True if a trigger makes it follow a path."""
     door: DoorOf | None = None
-    """Set if the actor is a door, which is present only while it is open."""
+    """The door that this actor is, which is present only while it is open; None for every other actor."""
     ignores: tuple[tuple[str, str | None], ...] = ()
-    """Rules that it ignores: ("signals" or "priority", id of the junction or None for all)."""
+    """The rules that it ignores: ("signals" or "priority", id of the junction or None for all junctions)."""
     meets: tuple[MeetsState, ...] = ()
     passes: bool = False
-    """It passes vehicles within its lane (`passes in lane`)."""
+    """True if it passes vehicles within its lane (`passes in lane`)."""
     style: str = ""
     """Its driving style, a name in `compile.styles.STYLES`; "" for its model's."""
     sublanes: bool = False
-    """SUMO decides where in its lane it drives: it, or another actor of the scenario, passes within its lane."""
+    """True if SUMO decides its lateral position, because it or another actor of the scenario passes within its lane."""
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
     """Crossings on its path that a pedestrian enters only on green: (begin and end along the path, m; tls; link)."""
 
@@ -232,7 +234,7 @@ def passing_type(model: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class SlipperyPatch:
-    """A round patch of ground, m, on which the friction coefficient is at most `friction`."""
+    """A round patch of ground on which the friction coefficient is at most `friction`; positions and radius in m."""
 
     name: str
     x: float
@@ -243,11 +245,11 @@ class SlipperyPatch:
 
 @dataclass(frozen=True)
 class Scene:
-    """The first frame, the triggers and the expectations. Actor 0 is the ego; the others are in the file's order, then
-    the background traffic.
+    """The first frame, the triggers and the expectations. Actor 0 is the ego; the others are in the file's order, and
+    the background traffic comes last.
 
-    `goal_s` and `start_s`: lengths along the ego's line, m. `signals`: (junction, stage, elapsed s) where the file
-    gives them; other signals begin with their first stage.
+    `goal_s` and `start_s` are lengths along the ego's line, m. `signals` holds (junction, stage, elapsed s) of the
+    signals that the file sets; other signals begin with their first stage.
     """
 
     actors: tuple[PlacedActor, ...]
@@ -263,13 +265,13 @@ class Scene:
     sun: float = 0.0
     """Ratios from 0 to 1 of the `weather` statement; they affect sensors."""
     clip: bool = False
-    """A clip or a mutant: it begins from exact states in the middle of a run."""
+    """True for a clip or a mutant, which begins from exact states in the middle of a run."""
     began_s: float = 0.0
-    """Time of a clip's or child's first frame in the run that it was cut from, s: the sensors' noise continues from
+    """Time of a clip's or child's first frame in the run that it was cut from, s; the sensors' noise continues from
     there."""
     must_arrive: bool = False
-    """Whether an ego that does not arrive before the end is a timeout: in a test case, unless it ends `anywhere`.
-    Otherwise the end without a failure is a pass."""
+    """True if an ego that does not arrive before the end is a timeout: in a test case, unless its `end` says
+    `anywhere`. If False, a run that ends without a failure passes."""
     notes: tuple[str, ...] = ()
     """Notes for the author that are not errors, such as background traffic for which there is no room."""
     places: Mapping[Place | AtStop, XY] = field(default_factory=dict)
@@ -283,7 +285,7 @@ class Scene:
 
     @property
     def has_sublanes(self) -> bool:
-        """Whether SUMO decides where in their lanes its vehicles drive, because an actor passes within its lane."""
+        """True if SUMO decides the lateral positions of its vehicles, because an actor passes within its lane."""
         return any(actor.sublanes for actor in self.actors)
 
 

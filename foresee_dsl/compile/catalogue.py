@@ -61,12 +61,12 @@ def spec_of(model: VehicleModel) -> ModelSpec:
     """Return a catalogue entry with all values filled in.
 
     Raises:
-        CompileError: its class is unknown, a value is a parameter or must be positive and is not, wheelbase and
+        CompileError: its class is unknown, a value is a parameter or is not positive although it must be, wheelbase and
             overhangs do not add up to its length, or its cruise speed exceeds its maximum speed.
     """
     kind = model.name.partition(".")[0]
     if kind not in CLASS_DEFAULTS:
-        raise CompileError(f"model {model.name}: the class {kind} is none of {', '.join(CLASS_DEFAULTS)}")
+        raise CompileError(f"model {model.name}: the class {kind} is not one of {', '.join(CLASS_DEFAULTS)}")
     actor_kind = cast(ActorKind, kind)
     base = CLASS_DEFAULTS[actor_kind]
     length = _si(model, model.length, 0.0)

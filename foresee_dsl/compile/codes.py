@@ -1,4 +1,5 @@
-"""Codes of errors that show only on the network: places, routes, meetings. `grammars/codes.toml` explains each."""
+"""Codes of errors that show only on the network, about places, routes and meetings; `grammars/codes.toml` explains
+each."""
 
 from __future__ import annotations
 

@@ -71,12 +71,14 @@ def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
 
 @dataclass(frozen=True)
 class Sketch:
-    """A test case, placed as far as possible: for pictures, which also show errors.
+    """A test case whose actors are placed as far as possible; used for pictures, which also show errors.
 
     Attributes:
         actors: the actors that could be placed, the background traffic last.
-        start_s, goal_s: start and goal of the ego along its line, m. places: coordinates of places in conditions, m.
-        problems: the errors. mistakes: the same errors with their places in the text, in the same order.
+        start_s, goal_s: start and goal of the ego along its line, m.
+        places: coordinates of places in conditions, m.
+        problems: the errors.
+        mistakes: the same errors with their places in the text, in the same order.
     """
 
     network: RoadNetwork
@@ -91,7 +93,7 @@ class Sketch:
 
 
 def sketch_case(case: TestCase) -> Sketch:
-    """Return a test case, placed as far as possible.
+    """Return a test case whose actors are placed as far as possible.
 
     Raises:
         CompileError: its network cannot be built.
@@ -196,7 +198,7 @@ def _remember(cache: dict[_Key, _Cached], key: _Key, value: _Cached) -> _Cached:
 
 @lru_cache(maxsize=32)
 def _types_of(specs: tuple[ModelSpec, ...], passing: tuple[str, ...]) -> Path:
-    """Write the vehicle types to the cache under the hash of their content, completely or not at all."""
+    """Write the vehicle types to the cache under the hash of their content, whole or not at all; return the file."""
     from foresee_dsl.compile.sumo_files import types_of  # slow import (templates), which a check does not need
 
     text = types_of(specs, passing)
@@ -254,7 +256,7 @@ def _place(document: Document, problem: Problem) -> tuple[m.Item | None, str]:
 
 
 def _within(actor: m.Ego | m.Actor, kind: str) -> tuple[m.Item, str]:
-    """Return the statement of a kind of an actor; without one, the actor and its field `model`, `state` or `name`."""
+    """Return an actor's statement of a kind; if there is none, the actor and its field `model`, `state` or `name`."""
     aliases = {"route": ("route", "edge_route"), "goal": ("goal", "clip_goal")}.get(kind, (kind,))
     statement = next((item for item in actor.body if item.kind in aliases), None)
     if statement is not None:

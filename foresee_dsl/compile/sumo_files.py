@@ -36,7 +36,7 @@ NO_LIMIT_MPS = 2777.78
 """`desiredMaxSpeed`, m/s: SUMO's default for cars (10,000 km/h). SUMO 1.28 limits speeds to the product of this and the
 speed factor; with a bicycle's default of 20 km/h and the factor for its cruise speed, it would be much too slow."""
 SPEED_SLACK = 0.001
-"""Added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
+"""Amount added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
 LATERAL_RESOLUTION_M = 0.2
 """Width of SUMO's sublanes in a scenario with an actor that passes within its lane, m. Ours: a bicycle of 0.65 m passes
 a car of 1.8 m in a lane of 3.5 m with all of 0.1, 0.2, 0.4 and 0.8 m; with 0.1 m it also passes in one of 3.2 m, with
@@ -141,6 +141,6 @@ def _shapes(actor: PlacedActor) -> list[dict[str, object]]:
 
 
 def _passed(signal: Signal, stage: str, elapsed_s: float) -> float:
-    """Return the time since the begin of a signal's cycle, s, if a stage has lasted for `elapsed_s`."""
+    """Return the time since the beginning of a signal's cycle, s, if a stage has lasted for `elapsed_s`."""
     phase, left_s = signal.phase_at(stage, elapsed_s)
     return sum(p.duration_s for p in signal.phases[: phase + 1]) - left_s

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def rendered(template: str, **values: object) -> str:
-    """Return the text of the template `templates/sumo/<template>.j2` with values for all its variables."""
+    """Return the text of the template `templates/sumo/<template>.j2`, filled with values for all its variables."""
     return environment("sumo").get_template(f"{template}.j2").render(**values)
 
 

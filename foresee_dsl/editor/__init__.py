@@ -1,1 +1,1 @@
-"""Support for editors: the language server, the highlighters, the TextMate grammar."""
+"""Support for editors of `.foresee` files: the language server, the highlighters and the TextMate grammar."""

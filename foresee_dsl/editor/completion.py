@@ -32,7 +32,9 @@ class Suggestion:
     """A text that can replace the word that was begun.
 
     Attributes:
-        kind: selects the icon beside it. detail: a few words beside it. about: a sentence and an example, or empty.
+        kind: selects the icon beside it.
+        detail: a few words that are shown beside it.
+        about: a sentence and an example, or empty.
     """
 
     text: str
@@ -202,7 +204,8 @@ def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
 def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
     """Return the dimension of a value at the slot; None if it may have any."""
     inner, outer = slot.node, list(slot.above)
-    while outer and outer[-1].kind in (m.Sum, m.Extreme, m.Negative):  # they have the dimension of the whole
+    # Operands of a sum have the dimension of the whole.
+    while outer and outer[-1].kind in (m.Sum, m.Extreme, m.Negative):
         inner = outer.pop()
     above = outer[-1] if outer else inner
     field = next((f for f, v in above.fields.items() if v is inner or (isinstance(v, tuple) and inner in v)), "")

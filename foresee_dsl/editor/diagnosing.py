@@ -16,9 +16,10 @@ _NO_CODE = "FS001"
 def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) -> tuple[Diagnostic, ...]:
     """Return the diagnostics of a file and of the files on which it builds.
 
-    The file need not exist on the disk; `overlay`: the texts that the editor holds, by absolute path. With `places` the
+    The file need not exist on the disk; `overlay` holds the texts of the editor by absolute path. With `places` the
     network is built and every actor placed, which takes up to some seconds. Errors in the text, or missing programs of
-    SUMO, become diagnostics; they do not raise."""
+    SUMO, become diagnostics; they do not raise.
+    """
     try:
         result = check_paths([str(path)], {**overlay, path: text})
         if not places:

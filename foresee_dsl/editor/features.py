@@ -1,4 +1,5 @@
-"""Answers the editor's requests about a place or a file from the other modules, with one function per request."""
+"""Answers the editor's requests about a place or a file, with one function per request, from the other modules of the
+package."""
 
 from __future__ import annotations
 
@@ -166,7 +167,7 @@ def formatting(session: Session, params: Json) -> list[Json] | None:
 
 
 def document_symbols(session: Session, params: Json) -> list[Json]:
-    """Return the outline."""
+    """Return the outline of a text."""
     uri = _uri(params)
     places = session.positions(uri)
     return [_symbol(entry, places) for entry in outline(session.text(uri))]

@@ -26,7 +26,7 @@ _BACKGROUND = re.compile(r"(.*)(_[0-9]+)$", re.DOTALL)
 
 @dataclass(frozen=True)
 class Definition:
-    """A definition in a file. `suffix`: the part that a use adds to the defined name (`_back`, `_01`)."""
+    """A definition in a file. `suffix` is the part that a use adds to the defined name (`_back`, `_01`)."""
 
     path: Path
     occurrence: Occurrence
@@ -34,8 +34,10 @@ class Definition:
 
 
 class Files:
-    """Reads files and finds definitions of names. `overlay`: texts that an editor holds, by absolute path. `folders`:
-    where other files are searched."""
+    """Reads files and finds definitions of names.
+
+    `overlay` holds texts of the editor by absolute path, `folders` the folders in which other files are searched.
+    """
 
     def __init__(self, overlay: Mapping[Path, str], folders: Iterable[Path] = ()) -> None:
         self.overlay = overlay
@@ -136,7 +138,7 @@ class Files:
         return None
 
     def _stage(self, path: Path, name: str, junctions: set[str]) -> Definition | None:
-        """Return a stage of one of some junctions; of any junction if the set is empty."""
+        """Return a stage of this name at one of these junctions; at any junction if the set is empty."""
         stages = (f for f in self._defined(path, "stage") if f.occurrence.name == name)
         return next((f for f in stages if not junctions or f.occurrence.scope in junctions), None)
 

@@ -27,7 +27,7 @@ _LONGEST = 12
 
 @dataclass(frozen=True)
 class Hover:
-    """A text in Markdown, about a place."""
+    """The help for a place: a text in Markdown, and the span that it is about."""
 
     markdown: str
     span: Span

@@ -33,7 +33,7 @@ TOKENS: MappingProxyType[Group, _TokenType] = MappingProxyType(
 
 NAMED = ("scenario", "clip", "mutant", "network", "models", "param", "case", "vehicle", "bicycle", "pedestrian",
          "obstacle", "traffic", "junction", "road", "stage", "signal")  # fmt: skip
-"""The words that a name follows."""
+"""The words after which a name stands."""
 
 _UNIT_WORDS = "|".join(re.escape(word) for word in sorted(UNITS, key=len, reverse=True))
 UNIT = rf"(?:{_UNIT_WORDS})(?![\w/^])"
@@ -50,7 +50,7 @@ def _by(*tokens: _TokenType) -> object:
 
 
 class ForeseeLexer(RegexLexer):
-    """Highlights `.foresee` files."""
+    """Splits `.foresee` files into tokens, so that Pygments can highlight them."""
 
     name = "foresee"
     aliases: ClassVar[list[str]] = ["foresee"]

@@ -25,7 +25,7 @@ _START = Span(1, 1, 1, 1)
 
 
 class RenameError(ForeseeError):
-    """A name cannot be renamed, or not to the wanted name; the message says why."""
+    """Raised if a name cannot be renamed, or not to the wanted name; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _renamable(files: Files, path: Path, use: Occurrence) -> Definition:
         raise RenameError("a clip or mutant has the names of its parent: rename there, then clip and mutate again")
     target = files.define(path, use)
     if target is None:
-        raise RenameError(f"nothing here defines '{use.name}'")
+        raise RenameError(f"no file here defines '{use.name}'")
     if target.occurrence.kind not in _RENAMED:
         raise RenameError(f"a {target.occurrence.kind} cannot be renamed here")
     if target.occurrence.owner.kind is m.Ego:
@@ -157,12 +157,12 @@ def _check_free(files: Files, file: Path, name: str, renamed: Occurrence) -> Non
     if renamed.kind in ("stage", "case"):  # their names must differ only within a junction or a scenario
         alike = (o for f in files.scope(file) for o in files.names(f) if o.defines and o.kind == renamed.kind)
         if any(o.name == name and o.scope == renamed.scope for o in alike):
-            raise RenameError(f"'{name}' is the name of a {renamed.kind} already")
+            raise RenameError(f"'{name}' is already the name of a {renamed.kind}")
         return
     taken = files.definitions(file, "actor", "junction", "road", "parameter", "label").get(name)
     if taken is not None:
         what = taken.occurrence.kind
-        raise RenameError(f"'{name}' is the name of a {what} already, in '{display_path(taken.path)}'")
+        raise RenameError(f"'{name}' is already the name of a {what}, in '{display_path(taken.path)}'")
 
 
 def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
@@ -172,7 +172,7 @@ def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
         text = files.text(file) or ""
         broken = re.search(rf"\b{old}(?:_back)?\b", text) is not None and not read_syntax(text).whole
         if broken and (file in affected or any(other.name in text for other in affected)):
-            raise RenameError(f"'{display_path(file)}' has errors: fix them first")
+            raise RenameError(f"'{display_path(file)}' has errors: correct them first")
 
 
 def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> None:
@@ -182,13 +182,15 @@ def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> Non
         before = len(check_document(parse(text, str(file))))
         diagnostics = check_document(parse(edited(text, spans, name), str(file)))
     except InputError as error:
-        raise RenameError(f"this would be an error in '{display_path(file)}': {error.diagnostics[0].message}") from None
+        raise RenameError(
+            f"renaming would cause an error in '{display_path(file)}': {error.diagnostics[0].message}"
+        ) from None
     if len(diagnostics) > before:
-        raise RenameError(f"this would be an error in '{display_path(file)}': {diagnostics[0].message}")
+        raise RenameError(f"renaming would cause an error in '{display_path(file)}': {diagnostics[0].message}")
 
 
 def _of_base(use: Occurrence, suffix: str) -> Span:
-    """Return the span of the defined name in a use, without quotes, and without `_back` or `_01`."""
+    """Return the span, within a use, of the name as it is defined: without quotes, and without `_back` or `_01`."""
     span = use.span
     quoted = span.end_column - span.column - len(use.name) == 2
     start = span.column + quoted

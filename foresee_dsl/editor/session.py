@@ -1,4 +1,4 @@
-"""The session of an editor: the open texts, their places, and the diagnostics that are sent when texts change."""
+"""The session of an editor: holds the open texts, checks them when they change, and sends their diagnostics."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Session:
         self._news = threading.Condition()
         self._stopped = self._checked = False
         self.answering = False
-        """Whether a request is being answered; meanwhile no files are read ahead."""
+        """True while a request is being answered; meanwhile no files are read ahead."""
         self._worker = threading.Thread(target=self._work, name="checks", daemon=True)
 
     # ---- files ----------------------------------------------------------------------------------------------------

@@ -41,11 +41,13 @@ _UNNAMED = (m.When, m.Expect, m.Origin, m.Window, m.Weather)
 
 @dataclass(frozen=True)
 class Occurrence:
-    """A name at a place.
+    """A name at a place of a text.
 
     Attributes:
-        name: as written, without quotes. span: its place, including quotes.
-        defines: whether it is the definition rather than a use. owner, field: the node and its field with the name.
+        name: the name as written, without quotes.
+        span: its place, including quotes.
+        defines: True if it is the definition, not a use.
+        owner, field: the node and its field with the name.
         scope: for a stage, its junction; for a word, its parameter.
     """
 

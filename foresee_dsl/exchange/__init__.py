@@ -1,1 +1,2 @@
-"""What formats share (protocol, report, a first scenario on a network), and street sketches."""
+"""Parts that all import and export formats share (protocol, report, a first scenario on a network), and street
+sketches."""

@@ -1,4 +1,5 @@
-"""Heights of a net's lanes, and the places where a road goes over another; the rest of the tool has a flat world."""
+"""Reads the heights of a net's lanes, and finds the places where a road goes over another; the rest of the tool has a
+flat world."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from foresee_dsl.compile.roads.polyline import XY, distance
 from foresee_dsl.compile.roads.topology import Lane
 
 _ROUNDING_M = 1e-6
-"""Ours: far more than the rounding error of an interpolated height."""
+"""Difference of heights that is attributed to rounding, m. Ours: far more than the rounding error of an interpolated
+height."""
 _END_M = 10.0
 """Distance to its end below which a lane meets others in a junction instead of crossing over them, m (ours)."""
 CLEARANCE_M = 3.0
@@ -49,7 +51,7 @@ class Heights:
 
     @cached_property
     def has_heights(self) -> bool:
-        """Whether the net has heights at all."""
+        """True if at least one lane of the net has a height."""
         return any(abs(z) >= CLEARANCE_M for _, levels in self.lanes.values() for z in levels)
 
     def may_differ(self, first_lane: str, other: str) -> bool:
@@ -92,7 +94,7 @@ def bridges(network: RoadNetwork, heights: Heights) -> tuple[Bridge, ...]:
         if i >= j or lanes[i].edge == lanes[j].edge or not _may_be_over(lanes[i], lanes[j], heights):
             continue
         for point in shapely.get_parts(shapely.intersection(lines[i], lines[j])):
-            if point.is_empty:  # rounding: they touch without a common point
+            if point.is_empty:  # because of rounding, the lanes touch without a common point
                 continue
             x, y = point.centroid.x, point.centroid.y
             if _over(lanes[i], lanes[j], (x, y), heights):

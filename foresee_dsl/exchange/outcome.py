@@ -1,4 +1,5 @@
-"""Results of an import or export: files that appear together or not at all, and a report on the parts left out."""
+"""Results of an import or export: writes files that appear together or not at all, and reports the parts that were left
+out."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 
 
 class ExchangeError(ForeseeError):
-    """A foreign file cannot be read, or cannot be written with these options; the message names the file and a fix."""
+    """Raised if a foreign file cannot be read, or cannot be written with these options; the message names the file and
+    a fix."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
         ExchangeError: `out` cannot be written.
     """
     try:
-        new_folders = [folder for folder in (out, *out.parents) if not folder.exists()]  # the innermost first
+        # The innermost folder comes first, so that the folders can be removed in this order.
+        new_folders = [folder for folder in (out, *out.parents) if not folder.exists()]
         out.mkdir(parents=True, exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=".foresee-import-", dir=out))
     except OSError as err:
@@ -101,7 +104,7 @@ def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
 def write_text(file: Path, model: Definition, remarks: Mapping[int, Sequence[str]] | None = None) -> None:
     """Write a scenario, network or catalogue in the standard layout.
 
-    `remarks`: comments before its statements, by the statements' indices in its body.
+    `remarks` holds comments to write before its statements, by the statements' indices in its body.
     """
     from foresee_dsl.language.printer import print_model, remarked
 

@@ -23,7 +23,7 @@ from typing import Annotated, Any, Protocol, TypeVar, get_type_hints
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 
 Tell = Callable[[str], None]
-"""Called at the beginning of each step that may take long, with a description that the user sees."""
+"""A function that is called at the beginning of each step that may take long, with a description for the user."""
 OptionsT_contra = TypeVar("OptionsT_contra", contravariant=True)
 
 
@@ -66,8 +66,10 @@ class Option:
 
 OutFolder = Annotated[Path, Option("The folder to write into.", ("--out",))]
 """The type of a field `out`."""
-AllowOutside = Annotated[bool, Option("Allow files to use files outside the project folder.", ("--allow-outside",))]
-"""The type of a field `allow_outside`: files may name files outside their project folder."""
+AllowOutside = Annotated[
+    bool, Option("Allow files to use other files outside the project folder.", ("--allow-outside",))
+]
+"""The type of a field `allow_outside`, with which files may name files outside their project folder."""
 
 
 def options_of(run: Format[Any]) -> type[Any]:

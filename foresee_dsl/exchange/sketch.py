@@ -132,7 +132,7 @@ class _Reader:
                 self._setting(street, line, (key, at), waiting)
             else:
                 meant = closest(key, _WORDS)
-                help = f"did you mean '{meant}'?" if meant else f"a street may say {', '.join(_WORDS)}"
+                help = f"did you mean '{meant}'?" if meant else f"a street may have {', '.join(_WORDS)}"
                 self._wrong(line, at, word, f"unknown word '{word}'", help)
                 return
         if street.name in self.streets:
@@ -149,7 +149,7 @@ class _Reader:
             self._wrong(line, at, word or key[0], f"{problem} for `{key[0]}`", f"write it like `{key[0]} {usual}`")
         elif (number[2] or _NUMBERS[key[0]]) not in _same_units(_NUMBERS[key[0]]):
             units = " or ".join(f"`{unit}`" for unit in _same_units(_NUMBERS[key[0]]) if unit) or "no unit"
-            self._wrong(line, at, word, f"`{word}` has no unit for `{key[0]}`", f"it takes {units}")
+            self._wrong(line, at, word, f"`{word}` has no unit that fits `{key[0]}`", f"it takes {units}")
         elif key[0] in street.settings and key[0] != "back":
             self._wrong(line, at, word, f"'{key[0]}' is given twice", "keep one of the two")
         else:
@@ -200,7 +200,7 @@ def checked_text(network: m.Network, path: str) -> str:
         try:
             build_network(network, Path(folder) / "net.net.xml")
         except CompileError as err:
-            help = "move nodes apart, or give a street points by `via`"
+            help = "move nodes apart, or lead a street through points with `via`"
             raise InputError((Diagnostic(CODE, f"these streets cannot be built: {err}", help, path),)) from err
     return text
 

@@ -1,4 +1,4 @@
-"""A first scenario on an imported network: a drive over a signalised junction, with traffic around."""
+"""Writes a first scenario on an imported network: a drive over a junction with a signal, with traffic around it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
 
 SHORTEST_M, LONGEST_M = 150.0, 400.0
-"""Length of the ego's route: from a whole approach and exit up to a drive of about a minute (ours)."""
+(
+    """Shortest and longest length of the ego's route, m: from a whole approach and exit up to a drive of "
+"about a minute (ours)."""
+)
 CLEAR_M = 10.0
 """Free road behind the ego's front at the start, and after its goal, m (ours: two car lengths)."""
 _SMALL_MAPS = ((SHORTEST_M, CLEAR_M, CLEAR_M), (40.0, CLEAR_M, CLEAR_M), (5.0, 6.0, 6.0), (3.0, 5.0, 1.0))
@@ -34,7 +37,7 @@ _ROOMY_M = 40.0
 _SLOW_STREET_MPS = 20 / 3.6
 """A lower limit belongs to a yard, or is an error of the map (ours; an edition of CARLA's Town03 has 1.39 m/s)."""
 _MOST_WAYS = 10_000
-"""Maximum number of routes that are compared (ours: a district; more would take seconds)."""
+"""Maximum number of routes that are compared (ours: those of a district; more would take seconds)."""
 _MOST_EDGES = 30
 _VEHICLES, _WALKERS = 10, 6
 _ROUND_M = 120.0
@@ -45,7 +48,7 @@ _SLOW = 0.5
 
 _LONGEST_ID = 200
 _ID = re.compile(rf'[^"\n\r\\]{{1,{_LONGEST_ID}}}')
-"""The same as `language.model.values.Id`."""
+"""Matches the ids that the language can express, the same as `language.model.values.Id`."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +56,14 @@ class Way:
     """A drive of the ego.
 
     Attributes:
-        edges: its route. start_m: its start on the first edge. goal_m: its goal on the last edge.
-        length_m: length from start to goal, without the parts inside junctions.
-        signals: the junctions with a signal on it. turns: number of movements that are not straight on.
-        free_s: duration at the speed limits, s. slowest_mps: the lowest of these limits.
+        edges: its route.
+        start_m: its start on the first edge, m.
+        goal_m: its goal on the last edge, m.
+        length_m: length from start to goal, without the parts inside junctions, m.
+        signals: the junctions with a signal on it.
+        turns: number of movements that are not straight on.
+        free_s: duration at the speed limits, s.
+        slowest_mps: the lowest of these limits, m/s.
     """
 
     edges: tuple[str, ...]
@@ -190,9 +197,9 @@ def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> 
 
 @dataclass(frozen=True)
 class _Streets:
-    """Edges for cars in the form that the search needs: the rightmost lane, and the movements by their target edge.
+    """The edges for cars in the form that the search needs: the rightmost lane, and the movements by their target edge.
 
-    `room_m`: least length of the route, and the free road behind the start and after the goal.
+    `room_m` holds the least length of the route, and the free road behind the start and after the goal, m.
     """
 
     roads: RoadNetwork

@@ -15,15 +15,18 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import Group
 
 _SHARED = """
-    foresee (definition): the version of the language; the first line of every file | foresee 1
-    of (link): the parent; the other side of `within` | clip runner_p1 of "runner.foresee"
-    after (link): later than that | end after 60 s
-    before (link): earlier than that; short of the junction | meets ego at j4 before 1.0 s
-    at (link): where, or when | start at 20 m along ego.route
-    from (link): where a route begins, when steering begins, where a draw begins | route from south
-    over (link): the junction of a turn; the time of a change | straight over j4
-    to (link): where a road ends; the new speed | changes speed to 3 m/s
-    for (link): how long | stops for 4 s
+    foresee (definition): the version of the language, in the first line of every file | foresee 1
+    of (link): before the parent of a file, or before the actor or place to which a distance is measured
+            | clip runner_p1 of "runner.foresee"
+    after (link): later than the time that follows | end after 60 s
+    before (link): earlier than the time that follows, or short of the junction that follows
+            | meets ego at j4 before 1.0 s
+    at (link): before a place or a time | start at 20 m along ego.route
+    from (link): before the road where a route begins, the time when a change begins, or the seed of a draw
+            | route from south
+    over (link): before the junction of a turn, or the time that a change takes | straight over j4
+    to (link): before the junction where a road ends, or a new speed | changes speed to 3 m/s
+    for (link): before a duration: how long something holds or takes | stops for 4 s
 """
 _WORD = re.compile(r"^\s*(\w+) \((\w+)\): ([^|]+?)\s+\| (.+)$", re.MULTILINE)
 """Matches an entry of `Item.words`, which may go over several lines."""

@@ -115,7 +115,7 @@ def _canonical(value: object) -> _Json:
     if type(value) in _PLAIN:
         return value
     if isinstance(value, m.Quantity):
-        return f"{value.si + 0.0:.{SIGNIFICANT_DIGITS}g} {value.dimension}"  # + 0.0: -0 becomes 0
+        return f"{value.si + 0.0:.{SIGNIFICANT_DIGITS}g} {value.dimension}"  # adding 0.0 turns -0 into 0
     if isinstance(value, tuple):
         return [_canonical(part) for part in value if not isinstance(part, m.Doc)]
     if isinstance(value, m.Ego | m.Actor):
@@ -184,7 +184,7 @@ def _names(kind: type[m.Item]) -> tuple[str, ...]:
 
 def _network(network: m.Network | Path) -> _Json:
     if isinstance(network, m.Network):
-        # In order: netconvert numbers what it builds in this order.
+        # The order matters, because netconvert numbers what it builds in this order.
         return _cached(network, lambda network: {"body": _canonical(network.body)})
     status = network.stat()
     return {"file": _file_digest(str(network), status.st_mtime_ns, status.st_size)}
@@ -196,4 +196,5 @@ def _file_digest(path: str, modified_ns: int, size: int) -> str:  # noqa: ARG001
 
 
 def _model(model: m.VehicleModel) -> _Json:
-    return {name: value for name, value in _fields(model).items() if name != "source"}  # where the numbers are from
+    # The source of the numbers has no effect on a run.
+    return {name: value for name, value in _fields(model).items() if name != "source"}

@@ -1,4 +1,5 @@
-"""Text to model: `parse` for a text, `load` for a file, `format_text` for the same text in the canonical layout."""
+"""Turns texts and files of the language into models: `parse` for a text, `load` for a file; `format_text` returns the
+text in the standard layout."""
 
 from __future__ import annotations
 
@@ -33,18 +34,21 @@ VERSION = "1"
 """The version of the language that this tool reads: the number in the first line, `foresee 1`."""
 
 MAX_BYTES = 2_000_000
-"""The largest file that is read (ours: a hundred times the largest clip of a twenty-actor scene)."""
+"""Size of the largest file that is read, bytes (ours: a hundred times the largest clip of a scene with twenty
+actors)."""
 
 _MAX_EXPLAINED = 200_000
-"""In a longer text only the first error of the grammar is reported (ours: explaining one takes some ms)."""
+"""Length from which only the first error of the grammar in a text is reported, in characters (ours: explaining one
+takes some ms)."""
 
 _NESTED = re.compile(r"[-(][-(\s]*")
 _MOST_NESTED = 1000
-"""Number of brackets or minus signs in a row that is refused before parsing, which would take seconds (ours: 25 times
-the depth that is refused after parsing)."""
+"""Number of brackets or minus signs in a row from which a text is refused before parsing, which would take seconds
+(ours: 25 times the depth that is refused after parsing)."""
 
 _SMALL = 10_000
-"""Shorter texts, in characters, are not counted: they cannot exceed a limit (a part of a condition takes three)."""
+"""Length below which the parts of a text are not counted, in characters: so short a text cannot exceed a limit (a part
+of a condition takes three)."""
 _UNCOUNTED = re.compile(r'"[^"\n]*"|#[^\n]*')
 _COUNTED = (
     ("conditions", re.compile(r"\b(?:and|or|not)\b"), "conditions of {} parts (`and`, `or`, `not`)"),
@@ -53,10 +57,11 @@ _COUNTED = (
 
 
 def parse(text: str, path: str) -> Document:
-    """Read a text; a byte order mark and any kind of newline are accepted. `path`: how messages call the file.
+    """Return the document of a text; a byte order mark and any kind of newline are accepted. `path` is the name of the
+    file in messages.
 
     Raises:
-        InputError: with every error found, once each, in the order of their places.
+        InputError: the text has errors; all are in it, once each, in the order of their places.
     """
     text = plain(text)
     if not text.strip():
@@ -128,7 +133,8 @@ def _check_nesting(counted: str, text: str, path: str) -> None:
 
 
 def load(path: Path, shown_as: str | None = None) -> Document:
-    """Read a file; `shown_as`: how messages call it (as the user named it), the path itself when absent.
+    """Return the document of a file. `shown_as` is its name in messages, as the user wrote it; by default the path
+    itself.
 
     Raises:
         InputError: the file is missing, is a folder, is too large, is not UTF-8 text, or has errors.
@@ -139,7 +145,7 @@ def load(path: Path, shown_as: str | None = None) -> Document:
     cached = disk_cache.load(place)
     if cached is not None:
         stored: tuple[Document, Iterable[tuple[object, str, _Numbers]]] = cached
-        document, spans = stored  # which are keyed by the items' identity
+        document, spans = stored  # the places are keyed by the items' identity, which a pickle keeps only within itself
         return replace(document, spans={(id(item), field): Span(*numbers) for item, field, numbers in spans})
     document = parse(text, name)
     if isinstance(document.model, (Network, Catalogue)):  # many files use them, and they are seldom edited
@@ -189,7 +195,7 @@ def format_text(text: str, path: str) -> str:
     """Return the text in the canonical layout, with all its comments and the author's grouping.
 
     Raises:
-        InputError: the text has errors (or, our fault, the result would not mean the same).
+        InputError: the text has errors, or (a fault of this tool) the result would not mean the same.
     """
     from foresee_dsl.language.printer import print_model
 

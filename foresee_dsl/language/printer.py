@@ -23,21 +23,23 @@ _DOTTED = re.compile(rf"{NAME_PATTERN}\.{NAME_PATTERN}")
 _NO_NAMES: frozenset[str] = frozenset()
 INDENT = "  "
 _TOGETHER = ((m.Doc, m.Tags), (m.UseNetwork, m.UseModels), (m.Ego, m.Goal), (m.Expect, m.End), (m.Window, m.Risk))
-"""Statements that stand together, without a blank line, in files that the tool writes; others by their class."""
+"""Statements that stand together, without a blank line between them, in files that the tool writes; other statements
+stand together if they have the same class."""
 _GROUPS: dict[type, type] = {kind: kinds[0] for kinds in _TOGETHER for kind in kinds}
 
 
 def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = None) -> str:
     """Return a definition as the text of its file.
 
-    With `comments` (as in `Document.comments`) blank lines stand where the author put them, one at most; without, one
-    blank line separates groups of statements.
+    With `comments` (as in `Document.comments`), blank lines stand where the author put them, at most one at a place;
+    without, one blank line separates groups of statements.
     """
     return _Writer(model, comments).file(model)
 
 
 def remarked(model: m.Definition, remarks: Mapping[int, Sequence[str]]) -> Mapping[Key, Comments]:
-    """Return comments for `print_model`: `remarks` before the statements of a definition, by their index in its body.
+    """Return the comments for `print_model` that put `remarks` before statements, by the statement's index in the
+    definition's body.
 
     Blank lines are those of a file that the tool writes.
     """
@@ -86,7 +88,8 @@ class _Writer:
         shape = Layout(item) if isinstance(item, str) else layout(item, self._parameters)
         if key and isinstance(item, m.Network) and item.name == "here":
             shape = Layout("network", shape.inside)
-        at_brace = around.at_end or around.after_end is not None  # a comment that needs the closing brace's own line
+        # The comment needs a line of its own before the closing brace.
+        at_brace = around.at_end or around.after_end is not None
         if shape.inside is None and not at_brace:
             self._add(shape.head, depth, around.after)
         elif not shape.inside and not at_brace:
@@ -146,8 +149,9 @@ def _group(item: m.Item | str) -> type:
 class Layout:
     """A statement to print: its head, and the statements in its braces.
 
-    `inside` is None for a statement without braces; otherwise the key of each inner statement in the model's path,
-    and the item or (for a setting) its text. `inline`: in one line when nothing in it has a comment.
+    `inside` is None for a statement without braces. Otherwise it holds the key of each inner statement in the model's
+    path, and the item or (for a setting) its text. `inline` is True if it is printed on one line when nothing in it has
+    a comment.
     """
 
     head: str
@@ -172,7 +176,7 @@ def layout(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> Layout:
 
 
 def _held(word: str, item: m.Item, parameters: frozenset[str]) -> Layout:
-    """Return the layout of a statement with a word in front of it."""
+    """Return the layout of a statement after a word such as `add`."""
     shape = layout(item, parameters)
     head = "network" if isinstance(item, m.Network) and item.name == "here" else shape.head
     inside = None if shape.inside is None else [(("item", *key), inner) for key, inner in shape.inside]
@@ -191,7 +195,7 @@ def written(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> str:
 
 
 def identifier(text: str, parameters: frozenset[str] = _NO_NAMES) -> str:
-    """Return a name; in quotes if it is not a valid name, or is also the name of a parameter."""
+    """Return a name, in quotes if it is not a valid name or is also the name of a parameter."""
     return text if _NAME.fullmatch(text) and text not in parameters else f'"{text}"'
 
 

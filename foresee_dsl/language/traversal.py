@@ -1,4 +1,5 @@
-"""Walks through a model: all items in an item, the parts of a condition, the actions of a trigger; concrete values."""
+"""Walks through a model: yields all items in an item, the parts of a condition or the actions of a trigger, and reads
+concrete values."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import TypeGuard, get_args
 from foresee_dsl.language import model as m
 
 PLAIN = frozenset({str, bool, int, float, Decimal, type(None)})
-"""Types of fields that hold no items: tested first, because `isinstance` of a pydantic class is slow."""
+"""Types of fields that contain no items. They are tested first, because `isinstance` of a pydantic class is slow."""
 _KINDS: tuple[type[m.Item], ...] = get_args(get_args(m.Condition)[0])
 
 
@@ -95,19 +96,19 @@ def all_actions(actions: Iterable[m.Action]) -> Iterator[m.Action]:
 
 
 def quantity_of(value: m.AnyValue) -> m.Quantity:
-    """Return a quantity of a concrete scenario; a `TypeError` for a parameter or an expression."""
+    """Return a quantity of a concrete scenario; raise `TypeError` for a parameter or an expression."""
     if isinstance(value, m.Quantity):
         return value
     raise TypeError(f"{value!r} has no value: the scenario is not concrete")
 
 
 def si_of(value: m.AnyValue) -> float:
-    """Return a quantity of a concrete scenario in SI; a `TypeError` for a parameter or an expression."""
+    """Return a quantity of a concrete scenario in SI units; raise `TypeError` for a parameter or an expression."""
     return quantity_of(value).si
 
 
 def word_of(value: str | m.Ref) -> str:
-    """Return a name of a concrete scenario; a `TypeError` for a parameter."""
+    """Return a name of a concrete scenario; raise `TypeError` for a parameter."""
     if isinstance(value, m.Ref):
         raise TypeError(f"the parameter {value.name} has no value: the scenario is not concrete")
     return value

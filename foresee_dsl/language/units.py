@@ -1,4 +1,4 @@
-"""Units of measurement: every quantity in a file carries one; inside, everything is SI."""
+"""Units of measurement: every quantity in a file has one, and inside the tool every value is in SI units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Dimension = Literal["time", "length", "speed", "acceleration", "angle", "angular
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit word: its dimension and the factor that turns a number of it into SI."""
+    """A word for a unit: its dimension, and the factor that converts a number in it to SI."""
 
     word: str
     dimension: Dimension
@@ -51,9 +51,9 @@ _ALSO_WRITTEN = {
     "deg": "degree degrees °",
 }
 OTHER_WORDS = MappingProxyType({other: unit for unit, others in _ALSO_WRITTEN.items() for other in others.split()})
-"""Common other spellings of units, so that a message can name the right one."""
+"""Other common spellings of units, each with the right one for messages."""
 
 SI_WORD: MappingProxyType[Dimension, str] = MappingProxyType(
     {kind: next((unit.word for unit in _ALL if unit.dimension == kind), "") for kind in get_args(Dimension)}
 )
-"""The unit that generated files use for each dimension: SI, but degrees for angles (what people read)."""
+"""The unit in which generated files write each dimension: SI, but degrees for angles, which people read more easily."""

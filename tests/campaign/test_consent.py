@@ -65,7 +65,9 @@ def test_a_campaigns_file_starts_no_program_unasked(campaign: Path, command: str
     done = CliRunner().invoke(app, [command, str(campaign), "--out", str(tmp_path / "out")])
     assert isinstance(done.exception, DriverError)
     assert "name programs as drivers: external:python3" in str(done.exception)
-    assert "--run-programs starts what the file says, --driver names another driver" in str(done.exception)
+    assert "--run-programs starts the programs that the file names, --driver names another driver instead" in str(
+        done.exception
+    )
     assert not (tmp_path / "mark").exists() and not (tmp_path / "out").exists()
 
 

@@ -108,9 +108,9 @@ def test_the_help_and_other_commands_import_no_plug_in(site: Path, scenarios: Pa
     assert listed["number"] == "Of acme-more"
     assert listed["gone"].startswith("command 'gone' of package acme-more cannot be loaded: ModuleNotFoundError")
     assert "check" not in listed
-    refused = "the command 'check' of package acme-more is refused: foresee-dsl has a command of this name"
+    refused = "the command 'check' of package acme-more is refused, because foresee-dsl has a command of this name"
     assert shown.stderr == f"warning: {refused}\n"
-    assert "no mistakes" in foresee(site, "check", scenarios / "scenario7.foresee").stdout
+    assert "no errors" in foresee(site, "check", scenarios / "scenario7.foresee").stdout
     assert "Did you mean 'weigh'?" in foresee(site, "wiegh", code=2).stderr
     assert completed(site, "foresee wei") == ["weigh"]
     assert not (site / "imported").exists()

@@ -215,7 +215,7 @@ def test_warnings_fail_only_when_asked(write):
     folder = write(WARNED)
     done = foresee("check", "main.foresee", cwd=folder, expect=0)
     assert "2 warnings" in done.stderr
-    assert "no mistakes" in done.stdout
+    assert "no errors" in done.stdout
     foresee("check", "--strict", "main.foresee", cwd=folder, expect=1)
 
 

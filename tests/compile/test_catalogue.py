@@ -167,7 +167,7 @@ def test_what_is_given_is_taken_in_si():
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        (model("plane.small"), "the class plane is none of car, van"),
+        (model("plane.small"), "the class plane is not one of car, van"),
         (model(length=q(0)), "its length must be above zero"),
         (model(width=q(-1)), "its width must be above zero"),
         (model(wheelbase=q(4), front_overhang=q("0.5")), "longer than the vehicle"),

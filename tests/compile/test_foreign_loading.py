@@ -97,5 +97,7 @@ def test_a_net_that_ends_sumo_by_a_signal_is_refused_with_that_signal(net: str, 
     wrong = net.replace(f'via="{through["a"]}"', f'via="{through["c"]}"', 1)
     assert wrong != net
     (tmp_path / "x.net.xml").write_text(wrong)
-    with pytest.raises(CompileError, match=r"cannot be simulated: SUMO 1.28.\d dies when it loads it \(SIGSEGV\)$"):
+    with pytest.raises(
+        CompileError, match=r"cannot be simulated: SUMO 1.28.\d crashes when it loads the network \(SIGSEGV\)$"
+    ):
         foreign_net(tmp_path / "x.net.xml")

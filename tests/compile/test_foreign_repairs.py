@@ -87,7 +87,7 @@ def test_signals_that_react_to_traffic_get_fixed_times(built: Path, tmp_path: Pa
         ('length="', 'length="nan" was="', "has no usable shape, length, speed or width"),
         ('width="', 'width="-', "of lane .* is negative"),
         ('_0" index="0"', '_0" index="7"', "are not numbered from 0 on"),
-        ('request index="0"', 'request index="1"', "two requests of a junction have one index"),
+        ('request index="0"', 'request index="1"', "two requests of a junction have the same index"),
     ],
 )
 def test_damaged_nets_are_refused_in_words(built: Path, tmp_path: Path, was: str, now: str, words: str) -> None:

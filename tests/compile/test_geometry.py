@@ -76,7 +76,7 @@ def test_a_route_without_turns_is_its_edge(road):
     [
         (go("soth", ("straight", "j4")), "no road or edge called soth", "'south'"),
         (go("south", ("straight", "j5")), "no junction called j5", "j4"),
-        (go("south", ("back", "j4")), "from south one can go straight or left or right over j4, not back", ""),
+        (go("south", ("back", "j4")), "from south, vehicles can go straight or left or right over j4, not back", ""),
         (go("south", ("straight", "north_end")), "south does not lead to north_end", "leads to j4"),
         (go("south", ("left", "j4"), ("left", "j4")), "after west_back comes west_end, not j4", "west_end"),
         (EdgeRoute(edges=("south", "nort_back")), "no edge called nort_back", "'north_back'"),

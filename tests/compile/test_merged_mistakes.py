@@ -54,5 +54,5 @@ def test_cases_that_differ_in_a_number_have_one_mistake_and_in_a_name_two(tmp_pa
     found = [re.sub(r"-?\d+\.\d", "N", one.message) for one in placement_mistakes(load_test_cases([str(file)]))]
     assert found == [
         "in case 'near' (and 1 more), other starts on side, off its route",
-        "in case 'beyond' (and 1 more), main is only N m long, there is no 400 m along it",
+        "in case 'beyond' (and 1 more), main is only N m long, so it has no place at 400 m",
     ]

@@ -53,7 +53,7 @@ def test_the_seed_decides_and_a_full_kerb_is_said():
     assert [(a.x, a.y) for a in parked(5)[1]] != [(a.x, a.y) for a in parked(5, seed=4)[1]]
     scene, cars = parked(100)
     assert 20 < len(cars) < 60 and scene.notes == (
-        f"row: {100 - len(cars)} of 100 actors found no room and were left out",
+        f"row: {100 - len(cars)} of 100 actors were left out, because there was no room for them",
     )
 
 

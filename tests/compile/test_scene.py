@@ -171,15 +171,15 @@ RUNNER = "vehicle runner: car.compact {\n%s\n}"
 @pytest.mark.parametrize(
     ("text", "actor", "item", "message"),
     [
-        (RUNNER % "route from west back over j4", "runner", "route", "one can go"),
+        (RUNNER % "route from west back over j4", "runner", "route", "vehicles can go"),
         (RUNNER % "route from wets straight over j4", "runner", "route", "no road or edge called wets"),
         (RUNNER % "route from west straight over j4\nstart at 400 m along west", "runner", "start_at", "is only"),
         (RUNNER % "route from west straight over j4\nstart at 20 m along wset", "runner", "start_at", "called wset"),
         (RUNNER % "route from west straight over j4\nstart at 20 m along east", "runner", "start_at", "off its route"),
         (RUNNER % "route from west straight over j4\nstart at (-60 m, 30 m)", "runner", "start_at", "off its route"),
         (RUNNER % "start at 50 m past j4 on nobody.route", "runner", "start_at", "no actor called nobody"),
-        (RUNNER % "route from west straight over j4\nspeed 500 km/h", "runner", "speed", "can go only"),
-        (RUNNER % "route from west straight over j4\nstart speed 500 km/h", "runner", "start_speed", "can go only"),
+        (RUNNER % "route from west straight over j4\nspeed 500 km/h", "runner", "speed", "can reach only"),
+        (RUNNER % "route from west straight over j4\nstart speed 500 km/h", "runner", "start_speed", "can reach only"),
         (
             RUNNER % "route from south straight over j4\nstart at 33 m along south",
             "runner",
@@ -236,7 +236,7 @@ def test_starts_that_depend_on_each_other_are_refused():
     a = "vehicle a: car.compact {\n route from west straight over j4\n start at 5 m along b.route\n}\n"
     b = "vehicle b: car.compact {\n route from west straight over j4\n start at 5 m along a.route\n}\n"
     (found,) = problems_of(EGO + a + b)
-    assert "counted in a circle: a from b from a" in found[2]
+    assert "refer to each other in a circle: a from b from a" in found[2]
 
 
 def test_a_start_that_is_impossible_is_said_once():

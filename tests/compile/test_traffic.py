@@ -95,4 +95,5 @@ def test_pedestrians_walk_on_and_know_their_lights():
 def test_a_full_road_is_said():
     scene, others = crowd(traffic(80, "bus.city", within=60), PLAIN)
     assert 0 < len(others) < 80
-    assert scene.notes == (f"others: {80 - len(others)} of 80 actors found no room and were left out",)
+    left_out = 80 - len(others)
+    assert scene.notes == (f"others: {left_out} of 80 actors were left out, because there was no room for them",)

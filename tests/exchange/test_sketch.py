@@ -52,7 +52,7 @@ def test_a_sketch_becomes_a_network_with_a_first_scenario(tmp_path):
         ("a 0 0\nb 200\na-b", "node 'b' has no position", "a 0 0"),
         ("a 0 0\nb 200 0\na-c", "unknown node 'c'", "c 100 0"),
         ("a 0 0\nb 200 0\na-b lanes two", "`two` is not a number for `lanes`", "lanes 2"),
-        ("a 0 0\nb 200 0\na-b speed 30kmh", "`30kmh` has no unit for `speed`", "km/h"),
+        ("a 0 0\nb 200 0\na-b speed 30kmh", "`30kmh` has no unit that fits `speed`", "km/h"),
         ("a 0 0\nb 200 0\na-b sped 30", "unknown word 'sped'", "speed"),
         ("a 0 0\nb 200 0 signal\na-b", "unknown control 'signal'", "signals"),
         ("a 0 0\na 5 0\na-a", "there are two nodes called 'a'", "another name"),

@@ -59,11 +59,11 @@ def test_a_kept_suite_stands_on_its_own(project: Project, tmp_path: Path) -> Non
         "regressions/parents/crosser.foresee",
         "regressions/parents/crosser_after_p1.foresee",
     ]
-    assert "no mistakes found" in project.foresee("check", "regressions")
+    assert "no errors found" in project.foresee("check", "regressions")
     assert "formatted already" in project.foresee("fmt", "--check", "regressions")
     shutil.copytree(project.root / "regressions", tmp_path / "elsewhere")
     other = Project(tmp_path / "elsewhere")
-    assert "no mistakes found" in other.foresee("check", ".")
+    assert "no errors found" in other.foresee("check", ".")
     small = load_test_case(project.root / f"out/findings/{MUTANT}/{MUTANT}.foresee")
     assert load_test_case(other.root / f"{MUTANT}.foresee", allow_outside=False).meaning == small.meaning
     last = load_test_case(f"{project.root / 'crosser.foresee'}::last")
@@ -124,7 +124,7 @@ def test_names_that_clash_are_told(project: Project) -> None:
     text = (project.root / "regressions/as_it_failed.foresee").read_text()
     assert f'mutant as_it_failed of "parents/{CLIP}_2.foresee"' in text
     assert "did you mean 'crosser_after_p1_m2'?" in project.foresee("keep", "crosser_after_p1_m3", expect=1)
-    assert "no mistakes found" in project.foresee("check", "regressions")
+    assert "no errors found" in project.foresee("check", "regressions")
 
 
 def test_a_parent_of_the_same_name_with_another_meaning_gets_a_number(project: Project) -> None:
@@ -136,7 +136,7 @@ def test_a_parent_of_the_same_name_with_another_meaning_gets_a_number(project: P
     clip.write_text(clip.read_text().replace(was, now))
     told = project.foresee("keep", clip, "--as", "another")
     assert "parents/crosser_2.foresee: another crosser.foresee with another meaning" in told
-    assert "no mistakes found" in project.foresee("check", "regressions")
+    assert "no errors found" in project.foresee("check", "regressions")
 
 
 def test_a_driver_that_fixes_one_and_breaks_another(project: Project) -> None:

@@ -148,7 +148,7 @@ def test_a_bus_on_another_lane_comes_to_the_one_beside_the_bay_in_time(folder: P
         (
             "    liner stops at market for 3 s\n",
             "    follower stops at market for 3 s\n",
-            "follower cannot stop in the bay of market: it is for buses",
+            "follower cannot stop in the bay of market: only buses may use it",
             "`follower stops at 140 m along west`",
         ),
         ("start at 28 m along west", "start at market", "follower cannot start in the bay", "obstacle.parked_car"),

@@ -216,13 +216,16 @@ def test_a_clip_goes_on_with_the_same_conditions(driven: tuple[TestCase, RunResu
     [
         (
             {"a": "5 m ahead of b", "b": "5 m behind c", "c": "9 m behind a"},
-            "counted in a circle: a from b from c from a",
+            "refer to each other in a circle: a from b from c from a",
         ),
-        ({"a": "5 m ahead of a"}, "the place of a is counted from a itself"),
+        ({"a": "5 m ahead of a"}, "the place of a refers to a itself"),
         ({"a": "20 m behind b", "b": "5 m along street"}, "before the beginning of the route of b"),
         ({"a": "400 m ahead of b", "b": "5 m along street"}, "after the end of the route of b"),
         ({"a": "9 m ahead of b", "b": "500 m along street"}, "street is only 400.0 m long"),
-        ({"a": "9 m ahead of cars_02"}, "cars_02 is of the background traffic, which is placed after all others"),
+        (
+            {"a": "9 m ahead of cars_02"},
+            "cars_02 belongs to the background traffic, which is placed after all other actors",
+        ),
     ],
 )
 def test_impossible_starts_are_said_once(tmp_path: Path, starts: dict[str, str], message: str) -> None:

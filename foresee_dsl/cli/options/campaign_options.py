@@ -99,7 +99,11 @@ class Flags:
     only: OnlyOption = None
     shard: Annotated[
         str,
-        typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays; all/N joins all N parts."),
+        typer.Option(
+            "--shard",
+            metavar="K/N",
+            help="Run only the K-th of N parts of the campaign, for job arrays; all/N joins the N parts.",
+        ),
     ] = ""
     allow_outside: common.AllowOutsideOption = False
     run_programs: Annotated[
@@ -113,7 +117,7 @@ class Flags:
 
 
 USUAL = ("driver", "children", "jobs", "out", "fail_fast", "json", "format", "help_all")
-"""The options that `--help` shows; `--help-all` shows all. Ours: what a first campaign needs, on 40 lines."""
+"""Names of the options that `--help` shows; `--help-all` shows all. Ours: what a first campaign needs, on 40 lines."""
 
 
 def _show_all(ctx: typer.Context, value: bool) -> None:
@@ -169,7 +173,9 @@ class Request:
     """What the command line, and the campaign file that it names, request.
 
     Attributes:
-        paths: the test cases. settings: one entry per driver and ranker. budget_min: time budget in minutes, or None.
+        paths: the test cases.
+        settings: one entry per driver and ranker.
+        budget_min: time budget in minutes, or None.
     """
 
     paths: list[str]
@@ -198,7 +204,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     values = asdict(flags)
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
-            raise ForeseeError("a campaign file names its own test cases: pass no other path beside it")
+            raise ForeseeError("a campaign file names its own test cases, so no other path can be given beside it")
         file = read_campaign(Path(paths[0]), allow_outside=flags.allow_outside)
         sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
         on_command_line = {
@@ -213,7 +219,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
             if option not in on_command_line:
                 refuse_programs(
                     ((address, Path(named_in)) for address in names),
-                    f"--run-programs starts what the file says, --{option} names {what}",
+                    f"--run-programs starts the programs that the file names, --{option} names {what} instead",
                     unless=flags.run_programs,
                 )
         rankers = file.rankers if file.rankers and "ranker" not in on_command_line else rankers
@@ -236,7 +242,9 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
 
     longest_s = max(values["before"] - DRIVES_S, 0.0)
     if (values["handover"] or 0.0) > longest_s:
-        message = f"it must end {DRIVES_S:g} s before the risky point, so at most {longest_s:g} s are possible here"
+        message = (
+            f"the handover must end {DRIVES_S:g} s before the risky point, so it can last at most {longest_s:g} s here"
+        )
         raise typer.BadParameter(message, param_hint="--handover")
     drivers_handover_s = handover_of(_make_once(driver), longest_s)
     if isinstance(loaded_ranker := load_ranker(ranker), Learned):
@@ -287,7 +295,7 @@ def _make_once(driver: str) -> Driver:
 
 
 def shard_of(text: str) -> Shard:
-    """Return the part of a campaign that `--shard` selects; all of it for ""."""
+    """Return the part of a campaign that `--shard` selects; for "", the whole campaign."""
     from foresee_dsl.campaign.settings import Shard
 
     try:
@@ -347,5 +355,5 @@ def executor_of(name: str, scheduler: str, dashboard: str = "") -> Callable[[Run
         raise typer.BadParameter(f"{name!r} is not one of: local, dask", param_hint="--executor")
     for option, value in (("--scheduler", scheduler), ("--dashboard", dashboard)):
         if value:
-            raise typer.BadParameter("it needs --executor dask", param_hint=option)
+            raise typer.BadParameter("this option needs --executor dask", param_hint=option)
     return local

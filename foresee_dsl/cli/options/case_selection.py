@@ -32,7 +32,7 @@ def selected(cases: Sequence[TestCase], first: int | None, only: Sequence[str] |
         for word in only:
             if not any(word in words for words in words_of_case.values()):
                 there = ", ".join(sorted(set().union(*words_of_case.values()))) or "none"
-                raise typer.BadParameter(f"no test case has the family or tag {word!r}; there are: {there}",
+                raise typer.BadParameter(f"no test case has the family or tag {word!r}; the test cases have: {there}",
                                          param_hint="--only")  # fmt: skip
         chosen = tuple(case for case in chosen if words_of_case[case.id].intersection(only))
     return chosen[:first]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
-"""Exit codes: nothing failed; failures were found or the input has errors; wrong usage; our own fault."""
+"""Exit codes: nothing failed; failures were found or the input has errors; wrong usage; a fault of foresee itself."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[
@@ -43,13 +43,15 @@ HandoverOption = Annotated[
 ]
 RankerOption = Annotated[
     str,
-    typer.Option("--ranker", help="How risky points are chosen: foresee, careful, reach, proximity, random, ..."),
+    typer.Option(
+        "--ranker", help="Method that chooses the risky points: foresee, careful, reach, proximity, random, ..."
+    ),
 ]
 AllowOutsideOption = Annotated[
-    bool, typer.Option("--allow-outside", help="Allow files to use files outside the project folder.")
+    bool, typer.Option("--allow-outside", help="Allow files to use other files outside the project folder.")
 ]
 ProfileOption = Annotated[
-    bool, typer.Option("--profile", help="Also report where the time went: the driver, SUMO, or a part of the tool.")
+    bool, typer.Option("--profile", help="Also report how much time the driver, SUMO and each part of the tool took.")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=SEED[0], max=SEED[1], help="Seed of all random choices.")]
 RulesOption = Annotated[
@@ -90,7 +92,7 @@ class Consenting(TyperCommand):
     """A command that may start programs which its options name as drivers, but not programs that files name."""
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
-        """Run the command."""
+        """Run the command, with consent to the programs that its options name."""
         from foresee_dsl.drivers.consent import allowing
 
         with allowing(_named_in_options(self, ctx)):
@@ -154,7 +156,7 @@ def calling(call: Call) -> Iterator[None]:
 
 
 SCHEMA_NUMBERS = {"verify": 2}
-"""Schema numbers of documents, where they differ from 1."""
+"""Schema numbers of the documents whose number is not 1."""
 
 
 def print_json(data: object, name: str = "") -> None:

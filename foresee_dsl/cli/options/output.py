@@ -1,4 +1,4 @@
-"""Output for tools: named JSON documents, reports for build servers, errors as data, `--output FILE`.
+"""Output for other tools: named JSON documents, reports for build servers, errors as data, and `--output FILE`.
 
 Every command that prints JSON passes through `for_tools`, which adds `--output FILE`, puts the document's name beside
 its schema number, and prints an error in the input as a JSON document too.

@@ -1,7 +1,7 @@
-"""Harmless output: text from files cannot control the terminal or reverse the writing direction.
+"""Makes output harmless, so that text from files cannot control the terminal or reverse the writing direction.
 
 File names, documents and messages of drivers are printed in many places. So the two streams themselves replace control
-codes and direction marks by Python's escapes (`\\x1b`, `\\u202e`); only our own colours pass.
+codes and direction marks by Python's escapes (`\x1b`, `\u202e`); only our own colours pass.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Commands for authors: init, check, fmt, draw, compare."""
+"""Commands for authors of scenarios: init, check, fmt, draw, compare and others."""

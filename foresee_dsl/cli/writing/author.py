@@ -1,4 +1,5 @@
-"""Commands that show what a scenario stands for: compile, expand, sample."""
+"""Commands that show what a scenario stands for: `compile` (SUMO files), `expand` (the full text) and `sample` (its
+cases)."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 
 
 def compile_(
-    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case.", autocompletion=case_addresses)],
+    address: Annotated[
+        str, typer.Argument(metavar="FILE[::CASE]", help="Address of the test case.", autocompletion=case_addresses)
+    ],
     out: OutOption = Path("compiled"),
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
@@ -117,7 +120,9 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
     if count is None and seed is None and written:
         return written
     if not any(axis_of(param) for param in scenario.all(m.Param)):
-        raise ForeseeError(f"scenario '{scenario.name}' has no parameter with a range or options, so nothing is drawn")
+        raise ForeseeError(
+            f"scenario '{scenario.name}' has no parameter with a range or options, so no case can be drawn"
+        )
     wanted = m.Cases.model_validate(
         {"count": {"value": count or DEFAULT_COUNT, "unit": ""}, "seed": {"value": seed or 0, "unit": ""}}
     )

@@ -1,4 +1,4 @@
-"""The commands `check` (all errors of some files, as text or as data) and `explain` (what a code means)."""
+"""The commands `check`, which shows all errors of some files, and `explain`, which explains the code of an error."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def check(
     format_: Annotated[
         str,
         format_option(
-            "full: for people; concise: one line per diagnostic; the others: for tools.",
+            "full: for people; concise: one line per diagnostic; json, github, sarif: for tools.",
             "full",
             "concise",
             "json",
@@ -51,7 +51,7 @@ def check(
     ] = "full",
     json: JsonOption = False,
     places: Annotated[
-        bool, typer.Option("--places/--no-places", help="Also build the network and place every actor.")
+        bool, typer.Option("--places/--no-places", help="Also build the network and check the place of every actor.")
     ] = True,
     strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
     select: Annotated[
@@ -59,7 +59,7 @@ def check(
         typer.Option("--select", metavar="CODE", help="Show only these warnings (FS301, or FS3 for a group)."),
     ] = None,
     ignore: Annotated[
-        list[str] | None, typer.Option("--ignore", metavar="CODE", help="Hide these warnings. Errors always count.")
+        list[str] | None, typer.Option("--ignore", metavar="CODE", help="Hide these warnings; errors cannot be hidden.")
     ] = None,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
@@ -128,7 +128,7 @@ def _print_for_people(result: Checked, diagnostics: Sequence[Diagnostic]) -> Non
     if diagnostics:
         print_diagnostics(tuple(diagnostics))
     if not any(d.severity == "error" for d in diagnostics):
-        warned = "no mistakes, but warnings" if diagnostics else "no mistakes found"
+        warned = "no errors, but warnings" if diagnostics else "no errors found"
         typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
 
 

@@ -1,4 +1,5 @@
-"""Commands that compare by meaning: diff, git's hooks (textconv, git-diff), and repin after a parent's edit."""
+"""Commands that compare by meaning: `diff`, the hooks for git (`textconv`, `git-diff`), and `repin` after a parent's
+edit."""
 
 from __future__ import annotations
 
@@ -22,9 +23,12 @@ if TYPE_CHECKING:
 
 
 def diff(
-    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; without NEW, a clip or a mutant.")],
+    old: Annotated[
+        str, typer.Argument(metavar="OLD", help="The old file, or FILE::CASE; without NEW, a clip or a mutant.")
+    ],
     new: Annotated[
-        str, typer.Argument(metavar="NEW", help="The other file; without it, OLD is compared with its parent.")
+        str,
+        typer.Argument(metavar="NEW", help="The new file, or FILE::CASE; without it, OLD is compared with its parent."),
     ] = "",
     format: Annotated[
         str,
@@ -105,7 +109,8 @@ def git_diff(
 
 
 _GIT_ARGUMENTS = 7
-"""git passes a path, then a file, hash and mode of each side; for an unmerged path only the path (git(1))."""
+"""Number of arguments that git passes: a path, then a file, hash and mode of each side; for an unmerged path only the
+path (git(1))."""
 
 
 def _git_diff(path: str, old: Path, new: Path) -> str:
@@ -151,7 +156,10 @@ def _colour() -> bool:
 def repin(
     paths: Annotated[list[Path], typer.Argument(metavar="FILE", help="Clips and mutants, or folders of them.")],
     write: Annotated[
-        bool, typer.Option("--write/--dry-run", help="Write the new pins; by default only show what would happen.")
+        bool,
+        typer.Option(
+            "--write/--dry-run", help="Write the new pins; by default the command only shows what it would write."
+        ),
     ] = False,
     run: Annotated[
         bool,

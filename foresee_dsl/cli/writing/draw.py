@@ -1,4 +1,4 @@
-"""The command `draw`: a scene (or a network) from above, as a file or as a page that follows the text."""
+"""The command `draw`: draws a scene or a network from above, to a file or to a page that follows the text."""
 
 from __future__ import annotations
 
@@ -25,9 +25,15 @@ def draw(
     ],
     svg: Annotated[
         Path | None,
-        typer.Option("--svg", metavar="FILE", help="The SVG file; by default NAME.svg in this folder; - prints it."),
+        typer.Option(
+            "--svg",
+            metavar="FILE",
+            help="The SVG file to write; by default NAME.svg in this folder; - prints the picture.",
+        ),
     ] = None,
-    png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="A PNG file (needs resvg-py).")] = None,
+    png: Annotated[
+        Path | None, typer.Option("--png", metavar="FILE", help="A PNG file to write (needs resvg-py).")
+    ] = None,
     whole: Annotated[
         bool, typer.Option("--whole", help="Draw the whole network, not only the part around the actors.")
     ] = False,
@@ -41,7 +47,10 @@ def draw(
         bool, typer.Option("--watch", help="Show the drawing on a local web page, and draw again on every save.")
     ] = False,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="--watch: the local port; 0: any free one.")
+        int,
+        typer.Option(
+            "--port", min=0, max=65535, help="With --watch: the local port of the page; 0 takes any free port."
+        ),
     ] = 0,
     allow_outside: AllowOutsideOption = False,
 ) -> None:

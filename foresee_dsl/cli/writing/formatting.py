@@ -1,4 +1,4 @@
-"""The command `fmt`: bring files into the standard layout, or list the files that are not in it."""
+"""The command `fmt`: brings files into the standard layout, or lists the files that are not in it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class _Tally:
 
     files: int = 0
     changed: int = 0
-    mistakes: dict[Diagnostic, None] = field(default_factory=dict)  # a set in order
+    mistakes: dict[Diagnostic, None] = field(default_factory=dict)  # a dictionary as an ordered set
 
 
 def fmt(
@@ -36,10 +36,10 @@ def fmt(
         typer.Argument(metavar="PATH", help="Files and folders; `-` formats standard input to standard output."),
     ],
     check_only: Annotated[
-        bool, typer.Option("--check", help="Change nothing; exit code 1 if something would change.")
+        bool, typer.Option("--check", help="Change no file; exit with 1 if a file is not in the standard layout.")
     ] = False,
     show_diff: Annotated[
-        bool, typer.Option("--diff", help="Change nothing; print what would change; exit code as with --check.")
+        bool, typer.Option("--diff", help="Change no file; print what would change, and exit as with --check.")
     ] = False,
 ) -> None:
     """Format files in the standard layout: comments and grouping stay, the meaning never changes.
@@ -52,7 +52,7 @@ def fmt(
     """
     if _STDIN in paths:
         if len(paths) > 1:
-            raise typer.BadParameter("`-` (standard input) stands alone")
+            raise typer.BadParameter("`-` (standard input) cannot be combined with other paths")
         _format_stdin(check_only=check_only, show_diff=show_diff)
         return
     tally = _Tally()
@@ -106,7 +106,7 @@ def _format_file(file: Path, tally: _Tally, *, check_only: bool, show_diff: bool
     elif check_only:
         typer.echo(f"would change {file}")
     else:
-        target = file.resolve()  # the target of a link, so that the link remains a link
+        target = file.resolve()  # the target of a link is written, so that the link remains a link
         if not os.access(target, os.W_OK):  # replacing the file would ignore its permissions
             raise PermissionError(13, "permission denied")
         write_whole(target, after)
@@ -123,7 +123,8 @@ def _format_stdin(*, check_only: bool, show_diff: bool) -> None:
     elif check_only:
         typer.echo("<stdin> is formatted already" if after == before else "would change <stdin>")
     else:
-        sys.stdout.buffer.write(after.encode("utf-8"))  # bytes: neither the locale nor the system changes them
+        # Bytes are written, because neither the locale nor the system changes them.
+        sys.stdout.buffer.write(after.encode("utf-8"))
         sys.stdout.buffer.flush()
     if after != before and (check_only or show_diff):
         raise typer.Exit(FAILED)

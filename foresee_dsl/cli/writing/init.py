@@ -1,4 +1,5 @@
-"""The command `init`: a small project to start from, which passes `check` and finds a failure in its first campaign."""
+"""The command `init`: writes a small project to start from, which passes `check` and whose first campaign finds a
+failure."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ _FILES = (
     (".gitignore", "gitignore"),
     ("README.md", "README.md"),
 )
-"""Each file with its template in `templates/init`; "" stands for an empty file."""
+"""Each file of the project with its template in `templates/init`; "" stands for an empty file."""
 
 
 class BuildServer(StrEnum):
@@ -47,7 +48,7 @@ def init(
     ] = "",
     driver: DriverOption = "pdm",
     ci: Annotated[
-        BuildServer, typer.Option("--ci", help="Build server for which a file is written.")
+        BuildServer, typer.Option("--ci", help="Build server for which a configuration file is written.")
     ] = BuildServer.github,
     install: Annotated[
         str,
@@ -80,7 +81,7 @@ def init(
         return
     folder = Path(what)
     if sketch or out is not None or scenario is not None:
-        raise typer.BadParameter("a sketch, --out and --scenario belong to `foresee init network SKETCH`")
+        raise typer.BadParameter("a sketch, --out and --scenario can only be used with `foresee init network SKETCH`")
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.files import templates, write_whole

@@ -1,1 +1,1 @@
-"""Networks and maps that were made elsewhere, prepared for SUMO."""
+"""Prepares networks and maps that were made with other tools for SUMO."""

@@ -14,10 +14,10 @@ from foresee_dsl.compile.roads.topology import Crossing, Topology
 from foresee_dsl.errors import CompileError
 
 NEAR_M = 8.0
-"""A crosswalk belongs to a junction's arm if netconvert's guessed crossing there is within this distance, m (the
-farthest of Town10HD's 16 is 4.9 m away; measured)."""
+"""Largest distance of a crosswalk from the crossing that netconvert guesses at a junction's arm, m, for the crosswalk
+to belong to that arm (the farthest of Town10HD's 16 is 4.9 m away; measured)."""
 _BESIDE_M = 2.0
-"""Crossings over the two directions of an arm differ by at most this in their distance from the crosswalk, m (ours)."""
+"""Largest difference of the distances from a crosswalk to the crossings over the two directions of an arm, m (ours)."""
 _SAME_ANGLE_RAD = math.radians(30)
 """Largest angle between a crosswalk and its crossing (ours)."""
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0

@@ -1,4 +1,4 @@
-"""Finds places of a net where vehicles cannot drive: kinks, lines that cross themselves, gaps, narrow lanes."""
+"""Finds places of a net over which vehicles cannot drive: kinks, lines that cross themselves, gaps, narrow lanes."""
 
 from __future__ import annotations
 
@@ -26,21 +26,20 @@ if TYPE_CHECKING:
 
 KINK_RAD = math.radians(60)
 KINK_WITHIN_M = 2.0
-"""A car cannot follow a line that turns by more than 60 degrees within 2 m: its radius is 1.9 m, and a car's smallest
-radius is about 5 m."""
+"""Length within which a turn by more than 60 degrees is a kink, m: a car cannot follow such a line, because its radius
+is 1.9 m and a car's smallest radius is about 5 m."""
 LONGEST_GAP_M = 1.0
 """Largest gap between two consecutive lanes, m (ours; the largest of the 2,346 connections of CARLA's towns is 0.2
 m)."""
 SHORTEST_LOOP_M = 35.0
-"""A line that crosses itself within this length, m, is a fault and not a loop road: the smallest circle that a car can
+"""Length below which a line that crosses itself is a fault and not a loop road, m: the smallest circle that a car can
 drive is 35 m long."""
 NARROWEST_M = 1.5
 """Smallest width of a lane for cars, m (ours: the smallest cars are 1.5 m wide)."""
 FARTHEST_OUTSIDE_M = 3.5
-"""A connection may be up to this far outside its junction's area and the lanes that meet there, m: a lane's width
-(ours)."""
+"""Largest distance of a connection from its junction's area and the lanes that meet there, m: a lane's width (ours)."""
 _TOLERANCE_M = 0.05
-"""A zigzag smaller than this is a rounding error, m."""
+"""Size below which a zigzag is attributed to rounding, m."""
 _BESIDE_M = 3.0
 """Length of the lanes before and behind a connection that are checked together with it, m: more than
 `KINK_WITHIN_M`."""
@@ -67,7 +66,7 @@ class GeometryFault:
 
     @property
     def where(self) -> str:
-        """The lane or connection, the fault and the place, in words."""
+        """The lane or connection, the fault and the place, in words for a message."""
         what = f"the connection from {self.lane} to {self.to}" if self.to else f"lane {self.lane}"
         return f"{what} {self.text} at ({self.x:.1f} m, {self.y:.1f} m)"
 
@@ -178,7 +177,7 @@ def turns(line: Sequence[XY]) -> list[tuple[float, float]]:
 
 
 def joined(parts: Sequence[Sequence[XY]]) -> Points:
-    """Return consecutive lanes as one line, as in a route's line: points behind the last point are left out."""
+    """Return consecutive lanes as one line, as in a route's line. A point that would lead backwards is left out."""
     line = list(parts[0])
     for part in parts[1:]:
         x, y = line[-1]

@@ -82,8 +82,8 @@ class Centrelines:
         return False
 
     def _led(self, movement: Movement, before: Points, after: Points) -> Points | None:
-        """Return a smooth line from the end of a lane to the begin of another within the junction's area; None without
-        one."""
+        """Return a smooth line from the end of one lane to the beginning of another within the junction's area; None if
+        there is none."""
         if distance(before[-1], after[0]) < LONGEST_GAP_M / 10:
             return None
         here, there = direction(*ending(before)[-2:]), direction(*beginning(after)[:2])

@@ -1,4 +1,4 @@
-"""Repairs faults of a net's lines if that is safe, and closes the lanes and connections with other faults."""
+"""Repairs faults of a net's lines where that is safe, and closes the lanes and connections with other faults."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ REPAIRED = "foresee.repaired"
 
 @dataclass(frozen=True)
 class Geometry:
-    """The repaired faults of a net's lines, and the remaining ones, which are closed to all traffic: a phrase for each,
-    such as `lane 4_0 turns by 163 degrees within 0.9 m at (3.0 m, 4.5 m)`."""
+    """The faults of a net's lines that were repaired, and the remaining ones, which are closed to all traffic.
+
+    Each fault is a phrase such as `lane 4_0 turns by 163 degrees within 0.9 m at (3.0 m, 4.5 m)`.
+    """
 
     repaired: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether there were faults."""
+        """True if there were faults."""
         return bool(self.repaired or self.broken)
 
 

@@ -1,4 +1,5 @@
-"""Repairs nets with overlapping lanes: where a lane begins before the previous lane ends, vehicles would reverse."""
+"""Repairs nets with overlapping lanes: if a lane begins before the previous lane ends, vehicles would have to
+reverse."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ def _turns_back(begin: Sequence[XY], joint: Sequence[XY], end: Sequence[XY]) -> 
 
 
 def _cut(names: Sequence[str], lanes: dict[str, Element], from_m: float) -> bool:
-    """Remove a length from the begin of a chain of lanes, where lanes within that length become stubs, and return True.
+    """Remove a length from the beginning of a chain of lanes, in which lanes within that length become stubs; return
+    True.
 
     If the chain is too short, change nothing and return False.
     """

@@ -120,10 +120,10 @@ def _other_stage(name: str) -> str:
 
 
 _EDITION = "14"
-"""Part of the cache key; increase it when the conversion of OpenDRIVE maps changes."""
+"""Edition of the conversion of OpenDRIVE maps, a part of the cache key; increase it when the conversion changes."""
 
 _NET_EDITION = "10"
-"""Part of the cache key; increase it when the conversion of SUMO nets changes."""
+"""Edition of the conversion of SUMO nets, a part of the cache key; increase it when the conversion changes."""
 
 _LARGEST_M = 1e8
 """Largest coordinate of a network, m. Ours: more than UTM's northings (1e7 m), and small enough to resolve
@@ -155,17 +155,17 @@ NOTES = "notes.txt"
 
 
 Tell = Callable[[str], None]
-"""Function that is called with a description at the begin of each step that is slow for large maps."""
+"""A function that is called with a description at the beginning of each step that is slow for large maps."""
 
 
 def in_silence(_: str) -> None:
-    """Ignore a step."""
+    """Do nothing; used by callers that do not show the steps."""
 
 
 def foreign_net(path: Path, tell: Tell = in_silence) -> Path:
     """Return the net in the cache for a `.net.xml` file or an `.xodr` map.
 
-    Ids and coordinates are those of the file. A net is copied without the comments at its begin and otherwise
+    Ids and coordinates are those of the file. A net is copied without the comments at its beginning and otherwise
     unchanged, except for signals that react to traffic (the copy has the same stages with fixed times) and lines that
     no car can follow (see `repair_geometry`).
 
@@ -180,7 +180,7 @@ def foreign_net(path: Path, tell: Tell = in_silence) -> Path:
         return cached_net(("net.xml", _NET_EDITION, data), lambda out: _copy_net(path, data, out, tell))
     if path.name.endswith(".xodr"):
         return cached_net(("xodr", _EDITION, data), lambda out: convert_map(path, out, tell=tell))
-    raise CompileError(f"the network {path} is of no known kind: its name must end in {' or '.join(SUFFIXES)}")
+    raise CompileError(f"the network {path} is of an unknown kind: its name must end in {' or '.join(SUFFIXES)}")
 
 
 def limit_of(road: Element, at_m: float) -> float | None:
@@ -196,7 +196,7 @@ def limit_of(road: Element, at_m: float) -> float | None:
 def _speed(speed: Element) -> float | None:
     try:
         value = float(speed.get("max", "")) * _SPEED_UNITS[speed.get("unit", "m/s")].to_si
-    except (ValueError, KeyError):  # "no limit", "undefined"
+    except (ValueError, KeyError):  # the value may also be "no limit" or "undefined"
         return None
     return value if 0 < value < math.inf else None
 
@@ -228,7 +228,9 @@ def _copy_net(path: Path, data: bytes, out: Path, tell: Tell) -> None:
         tell("loading the network in SUMO")
         _check_loads(path, out)
     except TypeError as err:  # rows with the same index cannot be sorted
-        raise CompileError(f"{path} is not a sound SUMO network: two requests of a junction have one index") from err
+        raise CompileError(
+            f"{path} is not a sound SUMO network: two requests of a junction have the same index"
+        ) from err
     except (KeyError, ValueError, IndexError) as err:
         detail = f"there is no {err}" if isinstance(err, KeyError) else str(err)
         raise CompileError(f"{path} is not a sound SUMO network: {detail}") from err
@@ -242,7 +244,7 @@ def _check_loads(path: Path, net: Path) -> None:
 
 
 def _check_sound(parts: Topology) -> None:
-    """Check that all edges have lanes, and all lanes and junctions valid positions and sizes.
+    """Check that all edges have lanes, and that all lanes and junctions have valid positions and sizes.
 
     Raises:
         ValueError: they do not.
@@ -252,7 +254,8 @@ def _check_sound(parts: Topology) -> None:
             raise ValueError(f"the lanes of edge {edge.id} are not numbered from 0 on")
     for lane in parts.lanes.values():
         figures = (lane.length_m, lane.speed_mps, lane.width_m, *(value for point in lane.shape for value in point))
-        if len(lane.shape) < 2 or not all(abs(figure) < _LARGEST_M for figure in figures):  # NaN neither
+        # This comparison is also False for NaN.
+        if len(lane.shape) < 2 or not all(abs(figure) < _LARGEST_M for figure in figures):
             raise ValueError(f"lane {lane.id} has no usable shape, length, speed or width")
         if lengths(lane.shape)[-1] > _LONGEST_M:
             raise ValueError(f"lane {lane.id} is longer than {_LONGEST_M / 1000:.0f} km: a point of it is misplaced")
@@ -267,7 +270,7 @@ def _check_sound(parts: Topology) -> None:
 def convert_map(path: Path, out: Path, *, keep: Sequence[str] = (), tell: Tell = in_silence) -> None:
     """Write the net of an OpenDRIVE map, and beside it a file with notes on its conversion.
 
-    `keep`: netconvert's option for a part of the map, with its value. `tell`: is called at each step.
+    `keep` is netconvert's option for a part of the map, with its value. `tell` is called at each slow step.
     """
     tell("converting the map with netconvert")
     root = read_opendrive(path)

@@ -58,7 +58,7 @@ class RoadMap:
         geometries = element.findall("planView/geometry")
         length = number(element, "length", math.inf)
         if not geometries or not -1e-3 <= s <= length + 0.1:
-            raise CompileError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
+            raise CompileError(f"the map's road {road} is {length:.1f} m long, so it has no place at {s:g} m")
         geometry = _last_before(geometries, s)
         return _along(geometry, s - number(geometry, "s")).beside(t)
 
@@ -161,7 +161,8 @@ def _slope(cubic: Sequence[float], p: float) -> float:
 
 
 def cubic_at(elements: Iterable[Element], start: str, s: float) -> float:
-    """Return a + b ds + c ds^2 + d ds^3 of the last element that begins (attribute `start`) by `s`; 0 for none."""
+    """Return a + b ds + c ds^2 + d ds^3 of the last element that begins at `s` or before (by its attribute `start`); 0
+    if there is none."""
     value = 0.0
     for element in elements:
         begins = number(element, start, 0.0)
@@ -192,7 +193,7 @@ def number(
         value = float(text or "")
     except ValueError:
         value = math.nan
-    if not abs(value) <= _LARGEST:  # NaN neither
+    if not abs(value) <= _LARGEST:  # this comparison is also False for NaN
         fault = "is missing" if text is None else f"is '{text[:50]}', which is not a usable number"
         raise error(f"{of} attribute {name} of <{element.tag}> {fault}")
     return value

@@ -82,7 +82,7 @@ def _connecting(where: RoadMap, junction: Element, connection: Element, incoming
 
 
 def _lead(junction: Element, connection: Element, road: str) -> None:
-    """Connect a connection to the begin of its road, and remove lanes that lead in the opposite direction."""
+    """Connect a connection to the beginning of its road, and remove lanes that lead in the opposite direction."""
     connection.set("connectingRoad", road)
     connection.set("contactPoint", "start")
     back = [pair for pair in connection.findall("laneLink") if number(pair, "to") > 0]

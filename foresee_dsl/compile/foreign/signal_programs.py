@@ -1,4 +1,5 @@
-"""Fixed-time signal programs for foreign networks: our own for maps without programs, fixed times for actuated ones."""
+"""Makes fixed-time signal programs for foreign networks: our own for maps without programs, fixed times for actuated
+ones."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def give_programs(root: Element) -> int:
     for logic in root.iterfind("tlLogic"):
         signal = _program(topology, logic.get("id", ""), headings)
         states = {len(phase.get("state", "")) for phase in logic.iterfind("phase")}
-        if signal is None or states != {len(signal.phases[0].state)}:  # it controls more than this junction
+        if signal is None or states != {len(signal.phases[0].state)}:  # the signal controls more than this junction
             continue
         for child in list(logic):
             logic.remove(child)
@@ -59,14 +60,14 @@ def give_programs(root: Element) -> int:
 
 @dataclass(frozen=True)
 class Fixed:
-    """The changes of `fix_times`: number of programs that reacted to traffic, and of removed further programs of a
+    """What `fix_times` changed: the number of programs that reacted to traffic, and of removed further programs of a
     signal."""
 
     reacting: int
     others: int
 
     def __bool__(self) -> bool:
-        """Whether there were changes."""
+        """True if there were changes."""
         return bool(self.reacting or self.others)
 
 

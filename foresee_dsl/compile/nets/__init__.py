@@ -1,1 +1,1 @@
-"""SUMO networks: written by netconvert, read back, with their signals."""
+"""SUMO networks: netconvert writes them, and modules here read them back, with their signals."""

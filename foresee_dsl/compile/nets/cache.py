@@ -1,4 +1,4 @@
-"""The cache of nets: each net is built once per content, and its XML is parsed once."""
+"""The cache of nets: each net is built once for its content, and its XML is parsed once."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from foresee_dsl.files import cache_folder
 from foresee_dsl.language.model import Network
 
 FORMAT = 1
-"""Part of the cache key; increase it when our code builds a different net from the same input."""
+"""Number of the format of cached nets, a part of the cache key; increase it when our code builds a different net from
+the same input."""
 
 NET = "net.net.xml"
 _SUM = "sha256"
 
 
 def content_key(key_parts: Iterable[str | bytes]) -> str:
-    """Return the cache key (32 hex digits) of these parts together with the installed tools and the templates."""
+    """Return the cache key (32 hex digits) of these parts, the versions of the installed tools and the templates."""
     digest = hashlib.sha256()
     tools: tuple[str | bytes, ...] = (f"{FORMAT} {tool_version()}", *template_sources())
     for part in (*tools, *key_parts):
         data = part.encode() if isinstance(part, str) else part
-        digest.update(f"{len(data)}:".encode())  # so that ("ab", "c") and ("a", "bc") differ
+        digest.update(f"{len(data)}:".encode())  # the length in front makes ("ab", "c") and ("a", "bc") differ
         digest.update(data)
     return digest.hexdigest()[:32]
 

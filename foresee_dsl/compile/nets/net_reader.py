@@ -40,7 +40,7 @@ _DEFAULT_WIDTH_M = 3.2
 _TURNS: dict[str, Turn] = {
     "s": "straight",
     "l": "left",
-    "L": "left",  # SUMO's capital letters: half left, half right
+    "L": "left",  # SUMO's capital letters mean half left and half right
     "r": "right",
     "R": "right",
     "t": "back",

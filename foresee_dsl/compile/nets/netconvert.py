@@ -23,11 +23,12 @@ _HEADER = re.compile(rb"\A(\s*<\?xml[^>]*\?>)?\s*(?:<!--.*?-->\s*)+", re.DOTALL)
 
 
 class NetconvertLimitError(CompileError):
-    """netconvert exceeded its limit of memory, time or file size; it would do so again with the same input."""
+    """Raised when netconvert exceeded its limit of memory, time or file size; it would do so again with the same
+    input."""
 
 
 class NetconvertDiedError(CompileError):
-    """netconvert crashed by a signal, which is its own fault; other options may avoid the crash."""
+    """Raised when a signal ended netconvert, which is a fault of netconvert; other options may avoid the crash."""
 
 
 @cache
@@ -77,12 +78,12 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
             f"or a map that is too large, may cause; {raised_by('netconvert-memory', 4 * most('netconvert-memory'))}"
         )
     if code == -signal.SIGXFSZ:
-        raise NetconvertLimitError(f"netconvert makes a network of more than {most('file'):g} MB of it: cut out the "
-                                   f"part that is needed; {raised_by('file')}")  # fmt: skip
+        raise NetconvertLimitError(f"netconvert makes a network of more than {most('file'):g} MB from this map: "
+                                   f"cut out the part that is needed; {raised_by('file')}")  # fmt: skip
     if code < 0:
         words = _complaint(complaint, 0)
-        raise NetconvertDiedError(f"netconvert {tool_version()} died ({signal.Signals(-code).name}"
-                                  f"{f', its last words: {words}' if words else ''})")  # fmt: skip
+        raise NetconvertDiedError(f"netconvert {tool_version()} crashed ({signal.Signals(-code).name}"
+                                  f"{f', its last output: {words}' if words else ''})")  # fmt: skip
     raise CompileError(f"netconvert refused the network: {_complaint(complaint, code)}")
 
 
@@ -100,8 +101,8 @@ def check_loads(net: Path) -> None:
         return
     words = _complaint(complaint, max(code, 0))
     if code < 0:
-        died = f"SUMO {tool_version()} dies when it loads it ({signal.Signals(-code).name})"
-        raise CompileError(f"{died}{f', its last words: {words}' if words else ''}")
+        died = f"SUMO {tool_version()} crashes when it loads the network ({signal.Signals(-code).name})"
+        raise CompileError(f"{died}{f', its last output: {words}' if words else ''}")
     raise CompileError(f"SUMO {tool_version()} cannot load it: {words}")
 
 
@@ -122,7 +123,7 @@ def _run(tool: str, arguments: Sequence[str], folder: Path, memory_mb: float) ->
 def _watched(
     command: Sequence[str], folder: Path, environment: dict[str, str], *, memory_mb: float, time_s: float
 ) -> tuple[int, bytes]:
-    """Run a program with limits; return its exit code and its standard error output."""
+    """Run a program with limits of memory and time; return its exit code and its standard error output."""
     import subprocess
 
     try:
@@ -142,7 +143,7 @@ def _watched(
                     f"{Path(command[0]).stem} did not finish within {time_s:g} s; {raised_by('netconvert-time')}"
                 ) from err
             finally:
-                running.kill()  # no effect if it has ended
+                running.kill()  # this has no effect if the program has ended
             return running.returncode, complaint
     except OSError as err:
         raise CompileError(f"{Path(command[0]).stem} cannot be started: {err}") from err

@@ -22,7 +22,7 @@ from foresee_dsl.language.traversal import walk
 
 
 class TurnConnection(NamedTuple):
-    """A `<connection>` between two edges, or (with indices) between two of their lanes."""
+    """A `<connection>` of netconvert's input between two edges, or (with indices) between two of their lanes."""
 
     start: str
     end: str
@@ -31,7 +31,7 @@ class TurnConnection(NamedTuple):
 
 
 def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[TurnConnection, ...]:
-    """Return the remaining connections of all edges with a forbidden turn; netconvert chooses their lanes again.
+    """Return the connections that remain for all edges with a forbidden turn; netconvert chooses their lanes again.
 
     Raises:
         CompileError: a forbidden turn does not exist, or an edge has no other turn.
@@ -52,11 +52,13 @@ def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[TurnC
         for turn, item in rules.items():
             if turn not in ways.values() and turn != "back":
                 turns = ", ".join(dict.fromkeys(ways.values()))
-                message = f"forbid {turn} over {item.junction}: from {edge} one can only go {turns or 'nowhere'} there"
+                message = (
+                    f"forbid {turn} over {item.junction}: from {edge} vehicles can only go {turns or 'nowhere'} there"
+                )
                 raise CompileError(message)
         left = [target for target, turn in ways.items() if turn not in rules]
         if not left:
-            raise CompileError(f"forbid: no way on is left from {edge} over {net.edges[edge].end}")
+            raise CompileError(f"the `forbid` rules leave no way on from {edge} over {net.edges[edge].end}")
         connections += [TurnConnection(edge, target) for target in left]
     return tuple(connections)
 
@@ -66,7 +68,8 @@ def by_lane(
 ) -> tuple[TurnConnection, ...]:
     """Return the connections, lane by lane, of all edges with a `lane N of EDGE goes` rule.
 
-    Lanes without a rule keep their connections. `left`: the remaining connections of edges with a forbidden turn.
+    Lanes without a rule keep their connections. `left` holds the connections that remain for edges with a forbidden
+    turn.
 
     Raises:
         CompileError: a turn, lane or edge of a rule does not exist.
@@ -76,7 +79,7 @@ def by_lane(
         if isinstance(item, LaneTurns):
             pieces = [e.id for e in plain.edges if e.id == item.edge or e.id.startswith(f"{item.edge}#")]
             if not pieces:
-                raise CompileError(f"there is no edge {item.edge}, whose lane {number(item.lane):g} goes somewhere")
+                raise CompileError(f"there is no edge {item.edge} for the rule of its lane {number(item.lane):g}")
             rules.setdefault(pieces[-1], {})[round(number(item.lane))] = item
     connections = [connection for connection in left if connection.start not in rules] if rules else []
     for edge, of_lanes in rules.items():
@@ -102,7 +105,7 @@ def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Turn
             if not targets:
                 turns = ", ".join(dict.fromkeys(ways.values()))
                 raise CompileError(
-                    f"lane {number_} of {edge} cannot go {turn} over {net.edges[edge].end}: one can only go "
+                    f"lane {number_} of {edge} cannot go {turn} over {net.edges[edge].end}: vehicles can only go "
                     f"{turns or 'nowhere'} there"
                 )
             for target in targets:
@@ -254,7 +257,7 @@ def _check_names(network: Network) -> None:
         for edge in (road.name, road.name + BACK)[: 2 if lanes_of(road)[1] else 1]:
             if edge in seen:
                 raise CompileError(
-                    f"two roads have the edge {edge}: a road may not have the name of another one's back"
+                    f"two roads have the edge {edge}: a road cannot have the name of another road's other direction"
                 )
             seen.add(edge)
     if not roads:

@@ -210,7 +210,7 @@ def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[Pl
             match cut.item:
                 case m.OnRamp() | m.OffRamp():
                     first += 1 if cut.last else -1
-                case m.LaneEnd() if number(cut.item.lane) == last - first + 1:  # the leftmost lane
+                case m.LaneEnd() if number(cut.item.lane) == last - first + 1:  # the leftmost lane ends
                     last -= 1
                     moved += usual.lane_width
                 case m.LaneEnd():
@@ -229,7 +229,7 @@ def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[Pl
 
 
 def _with_bay(widths: Mapping[str, float], stop: m.BusStop) -> Mapping[str, float]:
-    """Return the widths of an edge's strips beside the bay of a bus stop, m."""
+    """Return the widths of an edge's strips beside the bay of a bus stop, by type, m."""
     return {what: width for what, width in widths.items() if what not in _ROOM_FOR_BAY} | {"bay": number(stop.bay)}
 
 

@@ -43,8 +43,8 @@ def parse_net(path: Path) -> Element:
 
 
 def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError) -> Element:
-    """Return the root of an XML file, which must have the name `tag`; `what` is the format for messages: `an OpenDRIVE
-    map`.
+    """Return the root of an XML file, which must have the name `tag`; `what` names the format in messages: `an
+    OpenDRIVE map`.
 
     Raises:
         error: the file cannot be read, is too large or too deep, is not XML, declares entities, or has another root.
@@ -90,7 +90,7 @@ def _as_errors(path: Path, what: str, error: type[ForeseeError]) -> Iterator[Non
         raise unreadable(path, err, error) from err
     except DefusedXmlException as err:
         raise error(f"{path} declares entities, which are not read: write them out") from err
-    except (ParseError, ValueError, LookupError, EOFError, zlib.error) as err:  # LookupError: an unknown encoding
+    except (ParseError, ValueError, LookupError, EOFError, zlib.error) as err:  # an unknown encoding raises LookupError
         # the parser reports `no element found` at the end of a truncated file
         line = getattr(err, "position", (0, 0))[0]
         cut_off = line and str(err).startswith("no element found")
@@ -207,7 +207,10 @@ def _check_opens_none(element: Element, path: Path, error: type[ForeseeError]) -
     tag = element.tag
     if tag.endswith("include"):
         named = element.get("file") or element.get("href") or ""
-        raise error(f"{path} includes another file ({named!r}), which is not opened: write what it holds in its place")
+        raise error(
+            f"{path} includes another file ({named!r}), which is not opened: replace the inclusion by the "
+            "contents of that file"
+        )
     if tag.endswith(("geoReference", "location")):
         file = _FILE_IN_PROJECTION.search(element.get("projParameter") or element.text or "")
         if file:

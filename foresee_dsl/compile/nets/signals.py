@@ -42,7 +42,8 @@ class Link:
         crosses: the edges that a crossing crosses; empty for a vehicle movement.
         direction: SUMO's letter: `s` straight, `l` left, `r` right, `t` turn back, `L`/`R` half left and right; "" for
             a crossing.
-        foes: indices of the conflicting movements. yields_to: indices of the movements that have priority over it.
+        foes: indices of the conflicting movements.
+        yields_to: indices of the movements that have priority over it.
     """
 
     index: int
@@ -61,7 +62,8 @@ class Link:
 def program(junction: Junction, links: Sequence[Link], roads_of: Mapping[str, str]) -> Signal:
     """Return the program of a junction, built from its stages, which name roads.
 
-    `links`: all movements that the signal controls, ordered by index. `roads_of`: road names by edge id.
+    `links` holds all movements that the signal controls, ordered by index; `roads_of` holds the names of the roads by
+    edge id.
     """
     if not links:
         raise CompileError(f"junction {junction.name} has a signal, but there is no movement that it could control")
@@ -85,8 +87,9 @@ def write_programs(
 ) -> None:
     """Write programs for netconvert or SUMO; the name of a phase is the name of its stage.
 
-    `program_id`: SUMO's id of all programs; netconvert's own have "0". `offsets`: begin of a signal's first phase by
-    SUMO's id of the signal, s; 0 if it is absent.
+    Args:
+        program_id: SUMO's id of all programs; netconvert's own have "0".
+        offsets: beginning of the first phase, s, by SUMO's id of the signal; 0 for a signal that is absent.
     """
     render("signals.tll.xml", out, programs=programs, program_id=program_id, offsets=offsets or {})
 
@@ -211,7 +214,7 @@ def stage_state(green: frozenset[str], links: Sequence[Link], roads_of: Mapping[
 
 
 def _grouped(names: tuple[str, ...], phases: Sequence[tuple[str, str, float]]) -> tuple[Phase, ...]:
-    """Return the phases with their stages and the time between the begin of the stage and of the phase."""
+    """Return the phases with their stages, each with the time from the beginning of the stage to that of the phase."""
     since = dict.fromkeys(names, 0.0)
     result = []
     for name, state, duration in phases:

@@ -1,1 +1,1 @@
-"""The placement of actors at the first frame."""
+"""Places the actors of a test case at the first frame, and checks whether they fit the network."""

@@ -25,7 +25,8 @@ from foresee_dsl.language.model import Traffic
 GAP_M = 12.0
 """Free road in front of and behind every vehicle at the start, m (ours: a car at 25 km/h can stop within it)."""
 _ROUNDING_M = 0.01
-"""A lane farther than this from the area of the traffic has no place in it, m (ours: far more than rounding errors)."""
+"""Distance from the area of the traffic from which a lane has no place in it, m (ours: far more than rounding
+errors)."""
 STEP_M = 3.0
 """Spacing of the candidate places of vehicles on lanes, m (ours)."""
 MAX_EDGES = 12
@@ -37,7 +38,7 @@ REACTION_S = 1.0
 PACE = (0.8, 1.05)
 """Range of cruise speeds as a share of the limit: most drive a little slower, few a little faster (ours)."""
 DEAD_END_M = 50.0
-"""No vehicle starts nearer than this to a dead end, m, because it would leave at once (ours)."""
+"""Distance to a dead end within which no vehicle starts, m, because it would leave the network at once (ours)."""
 PEDESTRIAN_GAP_M = 1.0
 """Smallest distance between the footprints of a new vehicle or pedestrian and any other actor, m (ours)."""
 PARKED_STEP_M = 0.5
@@ -45,8 +46,8 @@ PARKED_STEP_M = 0.5
 PARKED_GAP_M = 0.8
 """Smallest gap between two parked vehicles, m. Ours: about the least with which a vehicle can pull out."""
 CORNER_M = 8.0
-"""No vehicle is parked nearer to a junction, m: Germany's StVO, section 12 (3), for roads with a cycle track; 5 m for
-others."""
+"""Distance to a junction within which no vehicle is parked, m: Germany's StVO, section 12 (3), for roads with a cycle
+track; 5 m for others."""
 SLACK_M = 0.15
 """Largest distance of a parked vehicle from the middle of its strip, to either side, m (ours)."""
 WALKS_TRIED = 20
@@ -64,16 +65,18 @@ def background(
     """Draw background actors `NAME_01`, `NAME_02`, ...; equal arguments give equal actors.
 
     Args:
-        traffic: the statement. network: the roads. specs: models by name.
+        traffic: the statement.
+        network: the roads.
+        specs: models by name.
         placed: the actors so far; the first is the ego, from whose line `within` is measured.
-        end_s: routes are long enough for this time, or have `MAX_EDGES` edges.
+        end_s: duration for which a route must be long enough, s, unless it has `MAX_EDGES` edges.
 
     Returns:
         The actors, and a note for the author if there is no room for all of them ("" otherwise).
     """
     ego = placed[0]
     if ego.line is None:
-        return [], f"{traffic.name}: the ego has no route to be near to"
+        return [], f"{traffic.name}: the ego has no route, near which this traffic could be placed"
     rng = np.random.Generator(np.random.PCG64(int(si(traffic.seed))))
     wanted = int(si(traffic.count))
     mix = [specs[str(name)] for name in traffic.models if str(name) in specs]
@@ -84,7 +87,11 @@ def background(
         if (new := around.add(f"{traffic.name}_{len(actors) + 1:02d}", spec)) is not None:
             actors.append(new)
     missing = wanted - len(actors)
-    note = f"{traffic.name}: {missing} of {wanted} actors found no room and were left out" if missing else ""
+    note = (
+        f"{traffic.name}: {missing} of {wanted} actors were left out, because there was no room for them"
+        if missing
+        else ""
+    )
     return [around.with_safe_speed(actor) if actor.control == "sumo" else actor for actor in actors], note
 
 
@@ -229,7 +236,8 @@ class _Around:
 
     @cached_property
     def _parking_places(self) -> list[tuple[Lane, float]]:
-        """Candidate places of parked vehicles: strips and positions of the vehicle's middle along them, m."""
+        """Return the candidate places of parked vehicles: strips, and positions of the vehicle's middle along them,
+        m."""
         places = [
             (lane, at)
             for lane in self._network.lanes.values()

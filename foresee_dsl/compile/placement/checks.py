@@ -27,16 +27,16 @@ from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 NEAR_ROAD_M = 30.0
 """Maximum distance of pedestrians, obstacles and actors on paths from a lane, m (ours: farther away is an error)."""
 GOAL_OFF_M = 5.0
-"""A goal farther than this from the ego's centreline, m, is on another road (ours: more than a lane's width)."""
+"""Distance from the ego's centreline beyond which a goal is on another road, m (ours: more than a lane's width)."""
 _MOST_NAMED = 20
 """Maximum number of reported problems of a kind (ours: a screen; 500 actors in one place make 124,750 pairs)."""
 _MOST_COUNTED = 10_000
 """Maximum number of further overlapping pairs that are counted (ours: it takes 0.2 s)."""
 _TOUCH_M2 = 1e-4
-"""Overlaps of footprints up to this area are rounding errors, m^2 (ours: 1 cm^2)."""
+"""Largest overlap of two footprints that is attributed to rounding, m^2 (ours: 1 cm^2)."""
 
 _OTHER_COLOURS = {"yellow": "amber", "orange": "amber"}
-"""Other names of the colour amber."""
+"""Other names of signal colours, each with the colour of the language."""
 
 
 def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) -> Iterator[Problem]:
@@ -67,12 +67,13 @@ def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) 
             + measured(f"{y:.1f}")
             + " m)"
         )
-        help_ = "lead it around the building, or let the building end before"
+        help_ = "lead it around the building, or make the building smaller"
         yield Problem(placed.id, at, codes.IN_WALL, message, help_)
 
 
 def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:
-    """Yield a problem if an actor's speed exceeds its model's maximum; `slack`: tolerance factor for rounded speeds."""
+    """Yield a problem if an actor's speed exceeds its model's maximum by more than the factor `slack`, which allows for
+    rounding."""
     if placed.control == "static":
         return
     speeds = [("speed", placed.cruise_mps)] if any(isinstance(i, m.CruiseSpeed) for i in actor.body) else []
@@ -82,9 +83,9 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
         at, speed = too_fast
         most = placed.model.max_speed_mps * slack / slack * 3.6
         message = (
-            f"{placed.id} is to go "
+            f"{placed.id} has a speed of "
             + measured(f"{speed * 3.6:.0f}")
-            + f" km/h, but {placed.model.name} can go only "
+            + f" km/h, but {placed.model.name} can reach only "
             + measured(f"{most:.0f}")
             + " km/h"
         )
@@ -134,8 +135,8 @@ def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
             named += left
             continue
         least = "at least " if code == codes.OVERLAP and len(left) >= _MOST_COUNTED else ""
-        message = least + measured(f"{len(left):,}") + " more of this kind: the last is that " + left[-1].message
-        named.append(replace(left[-1], message=message, help="correct the ones above, and check again"))
+        message = least + measured(f"{len(left):,}") + " more errors of this kind: the last is that " + left[-1].message
+        named.append(replace(left[-1], message=message, help="correct the errors above, and check again"))
     return tuple(named)
 
 
@@ -192,7 +193,7 @@ def _nearest_road(x: float, y: float, network: RoadNetwork) -> HelpText:
 class NameChecks:
     """Checks the statements of a concrete scenario that name parts of the network.
 
-    `signals`: by junction. `spot`: returns the position of a place, or raises `RouteError`.
+    `signals` holds the signals by junction. `spot` returns the position of a place, or raises `RouteError`.
     """
 
     def __init__(
@@ -292,7 +293,7 @@ class NameChecks:
         if part.actor is None or junction not in self._signals:
             yield from self._stage(kind, junction, state)
         elif state not in m.SIGNAL_COLOURS:
-            message = f"a signal shows {part.actor} green, amber or red, and never {state}"
+            message = f"a signal shows {part.actor} green, amber or red, not {state}"
             stage = state in self._signals[junction].stages
             help = (
                 "write " + write(f"signal({junction}) is {state}") + " for its stage"
@@ -350,7 +351,7 @@ class NameChecks:
             yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, self._network.edges), name)
         elif action.lane is not None and si_of(action.lane) > lanes:
             has = f"{name} has " + measured(f"{lanes}") + (" lanes" if lanes > 1 else " lane")
-            message = has + ", no lane " + measured(f"{si_of(action.lane):g}")
+            message = has + ", so there is no lane " + measured(f"{si_of(action.lane):g}")
             yield Problem("", kind, codes.PLACE, message, "lanes count from 1, the rightmost for cars", name)
 
     def _stop(self, kind: str, action: m.StopsAt, actor: PlacedActor | None) -> Iterator[Problem]:
@@ -370,7 +371,7 @@ class NameChecks:
             return
         if place.bay and (why := self._not_for(action.actor, actor)):
             message = f"{action.actor} cannot stop in the bay of {stop.name}: {why}"
-            help = "name the place beside it: " + write(f"{action.actor} stops at {_beside(stop)}")
+            help = "name the place beside the bay: " + write(f"{action.actor} stops at {_beside(stop)}")
             yield Problem("", kind, codes.PLACE, message, help, stop.name)
             return
         yield from self._on_the_way(kind, m.AlongEdge(edge=stop.road, at=stop.at), actor, stop.name, stop=stop)
@@ -380,7 +381,7 @@ class NameChecks:
         if actor is None:
             own = any(actor.name == name for actor in self._case.scenario.actors)
             return "" if own or name not in self._actors else "the background traffic does not leave its lanes"
-        return "" if lane_kind(actor.model) == "bus" else "it is for buses"
+        return "" if lane_kind(actor.model) == "bus" else "only buses may use it"
 
     def _on_the_way(
         self, kind: str, place: m.Place, actor: PlacedActor | None, about: str, *, stop: m.BusStop | None = None
@@ -404,7 +405,7 @@ class NameChecks:
             return
         line = actor.line if actor.line is not None else line_of(actor.path) if len(actor.path) else None
         spots = [(spot.x, spot.y)]
-        if stop is not None and (bay := self._network.stop(stop.name)).bay:  # the line may begin in the bay
+        if stop is not None and (bay := self._network.stop(stop.name)).bay:  # the actor's line may begin in the bay
             spots.append(bay.lane.line.at(bay.pos_m)[:2])
         off_m = 0.0 if line is None else min(abs(line.project(x, y)[1]) for x, y in spots)
         if off_m > GOAL_OFF_M:
@@ -414,7 +415,7 @@ class NameChecks:
                 "",
                 kind,
                 codes.PLACE,
-                f"{actor.id} does not come by {what}: it is " + measured(f"{off_m:.0f}") + " m off",
+                f"{actor.id} does not pass {what}: its way is " + measured(f"{off_m:.0f}") + " m away from it",
                 help,
                 about,
             )
@@ -443,14 +444,18 @@ class NameChecks:
             message = f"there is no signal at {junction}"
             help: HelpText = did_you_mean(junction, self._signals)
             if not self._signals:
-                help = "no junction has signals: write " + write("signals") + " and stages where one is defined"
+                help = (
+                    "no junction has a signal: write " + write("signals") + " and stages where the junction is defined"
+                )
             field = ("shows" if kind != "signal" else "signal", "junction")
             yield Problem("", kind, codes.UNKNOWN, message, help, junction, field=field)
         elif stage not in signal.stages:
             message = f"the signal at {junction} has no stage called {stage}"
             help = "its stages are " + one_of(signal.stages)
             if stage in m.SIGNAL_COLOURS:
-                help += "; what it shows to an actor is " + write(f"ego.signal({junction}) is {stage}")
+                help += "; for the colour that it shows to an actor, write " + write(
+                    f"ego.signal({junction}) is {stage}"
+                )
             yield Problem("", kind, codes.UNKNOWN, message, help, stage)
 
     def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:

@@ -1,4 +1,5 @@
-"""Doors that triggers open: which actors have doors, and the body of each door, which is present while it is open."""
+"""Doors that triggers open: decides which actors have doors, and makes the body of each door, which is present while it
+is open."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Paths off the lanes: their shift by the statement `line`, and the lanes that a vehicle follows after their end."""
+"""Paths off the lanes: shifts them by the statement `line`, and finds the lanes that a vehicle follows after their
+end."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.language import model as m
 
 BESIDE_M = 2.5
-"""A path that ends farther than this from the middle of all lanes of its edges does not join them, m. Ours: half of a
-wide lane and a margin."""
+"""Distance from the middle of all lanes of its edges beyond which the end of a path does not join them, m. Ours: half
+of a wide lane and a margin."""
 LINE_OVER_M = 5.0
 """Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
 pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
@@ -28,8 +29,8 @@ far outwards (ours)."""
 def joined_way(
     network: RoadNetwork, edges: Sequence[str | m.Ref], end: XY, kind: LaneKind
 ) -> tuple[tuple[str, ...], RouteLine]:
-    """Return the edges that a vehicle follows after the end of a path, from the edge on which the path ends on, and
-    their line, which begins on the lane nearest to that end.
+    """Return the edges that a vehicle follows after the end of a path, beginning with the edge on which the path ends,
+    and their line, which begins on the lane nearest to that end.
 
     Raises:
         RouteError: the path does not end on a lane of these edges, or the edges are not connected.

@@ -1,4 +1,5 @@
-"""Caches placements: the children of a clip have the same actors as the clip, except for the one or two they change.
+"""Caches placements of actors: the children of a clip have the same actors as the clip, except for the one or two that
+they change.
 
 The placement of an actor with an exact state, on a route or on a path of plain points, depends only on its own
 statement, its model and the network.
@@ -44,7 +45,7 @@ class PlacedBefore:
     ) -> tuple[PlacedActor, OnRoute | None] | None:
         """Return an actor's placement and its start on its route, if it has one; None if it is not cached.
 
-        `triggered`: whether a trigger starts it, and whether a trigger makes it follow a path.
+        `triggered` tells whether a trigger starts the actor, and whether a trigger makes it follow a path.
         """
         placement = self._placements.get(id(actor)) if network is self._network else None
         if placement is None or placement.actor is not actor:

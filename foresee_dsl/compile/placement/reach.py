@@ -15,7 +15,8 @@ from foresee_dsl.language.project.document import Problem
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 BESIDE_M = {"ego": 30.0, "sumo": 30.0, "path": 1.0, "static": 0.0}
-"""Maximum distance of an actor from the middle of its way, m, by its control. Ours: eight lanes; rounding; none."""
+"""Largest distance of an actor from the middle of its way, m, by its control. Ours: for `ego` and `sumo` eight lanes,
+for `path` rounding, for `static` none."""
 
 
 def never_near(
@@ -23,7 +24,7 @@ def never_near(
 ) -> Iterator[Problem]:
     """Yield a problem for each condition `within LENGTH of` a place or junction that its actor's way does not reach.
 
-    `placed`: the actors at the first frame. `places`: coordinates of the places on routes and edges, m.
+    `placed` holds the actors at the first frame; `places` holds the coordinates of the places on routes and edges, m.
     """
     by_name = {actor.id: actor for actor in placed}
     for kind, condition in _conditions(scenario):

@@ -42,14 +42,15 @@ from foresee_dsl.language.project.document import PlacementError, Problem, TestC
 from foresee_dsl.language.traversal import all_actions, word_of
 
 GOAL_BEFORE_END_M = 5.0
-"""Without a `goal` statement the goal is this far before the end of the ego's route (ours: about a car's length)."""
+"""Distance of the goal from the end of the ego's route if there is no `goal` statement, m (ours: about a car's
+length)."""
 DRY_FRICTION, WET_FRICTION = 0.9, 0.5
 """Peak friction of a tyre on asphalt: dry 0.8 to 0.9, wet 0.5 to 0.7 (Wong, Theory of Ground Vehicles, table 1.3); the
 lower end is for a road under water."""
 PATH_LIMIT_MPS = 30 / 3.6
 """Speed of a vehicle on a path without a `speed` statement: a path has no speed limit of its own (ours)."""
 TOP_SPEED_SLACK = 1.01
-"""A clip's speed may exceed its model's by this factor: it is rounded (ours)."""
+"""Factor by which a clip's speed may exceed its model's maximum, because it is rounded (ours)."""
 
 _T = TypeVar("_T")
 
@@ -60,9 +61,9 @@ def friction_of(wetness: float) -> float:
 
 
 class SceneBuilder:
-    """Places the actors of a concrete test case and collects its problems; for a single call of `build` or `place`.
+    """Places the actors of a concrete test case and collects its problems; `build` or `place` may be called once.
 
-    `specs`: all models by name. `signals`: by junction.
+    `specs` holds all models by name, `signals` the signals by junction.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ class SceneBuilder:
         """Return the actors without background traffic, and the ego's start and goal along its line, m.
 
         Raises:
-            PlacementError: statements do not fit the network or are impossible; it holds all of them.
+            PlacementError: statements do not fit the network or are impossible; the error holds all of them.
         """
         placed, start_s, goal_s, problems = self.attempt()
         if problems:
@@ -120,20 +121,20 @@ class SceneBuilder:
         return placed, start_s, goal_s, _each_once(self._problems)
 
     def warnings(self) -> tuple[Problem, ...]:
-        """Return warnings on what is permitted but probably not intended.
+        """Return warnings about what is permitted but probably not intended.
 
         Raises:
-            PlacementError: as of `place`.
+            PlacementError: as `place`.
         """
         placed, _, _ = self.place()
         warnings = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
         return checks.few(dict.fromkeys((*warnings, *self._beside_all_roads(placed))))
 
     def build(self) -> Scene:
-        """Return the scene with background traffic, without its actors for which there is no room.
+        """Return the scene with background traffic; actors of the traffic for which there is no room are left out.
 
         Raises:
-            PlacementError: as of `place`.
+            PlacementError: as `place`.
         """
         scenario = self._case.scenario
         placed, start_s, goal_s = self.place()
@@ -409,8 +410,10 @@ class SceneBuilder:
 
 
 def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
-    """Return the problems without those that only repeat the error of a route, which all places along it have too, and
-    without most of a kind with many."""
+    """Return the problems without those that only repeat the error of a route, which all places along it have too.
+
+    Of a kind with many problems, most are left out.
+    """
     routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
     unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)
     return checks.few(dict.fromkeys(unlike))

@@ -17,12 +17,12 @@ from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.errors import measured
 
 _STRAIGHT_M = 0.05
-"""A corner of a route's line nearer than this to the straight between its neighbours, m, is a rounding error: nets are
-rounded to 1 cm. Ours."""
+"""Distance from the straight between its neighbours below which a corner of a route's line is attributed to rounding,
+m: nets are rounded to 1 cm. Ours."""
 _STRAIGHT_RAD = 1e-4
-"""A line that turns by less than this at a point is straight there, rad: 0.1 mm per metre. Ours."""
+"""Turn at a point below which a line counts as straight there, rad: 0.1 mm per metre. Ours."""
 _CUT_M = 0.5
-"""Largest distance of an arc from its corner, m. Ours: the deviation of SUMO's roundabouts of 20 corners from a circle
+"""Largest distance of an arc from its corner, m. Ours: SUMO's roundabouts of 20 corners deviate as much from a circle
 of 40 m."""
 _TURN_RAD = math.radians(4.0)
 """Change of direction between neighbouring points of an arc, rad. Ours: half of the corner of 8 deg at which a bicycle

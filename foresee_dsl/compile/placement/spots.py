@@ -1,4 +1,4 @@
-"""Positions at the first frame: of places, of vehicles on their routes, of actors on their paths."""
+"""Records of positions at the first frame: of places, of vehicles on their routes, and of actors on their paths."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from foresee_dsl.helps import write
 class Spot:
     """The position of a place, m; `heading_rad` is None for coordinates.
 
-    `s`: position along the line of `actor`, m, if the place refers to that line.
+    If the place refers to the line of `actor`, `s` is its position along that line, m.
     """
 
     x: float
@@ -50,17 +50,20 @@ class OnPath:
 
 
 class CircleError(RouteError):
-    """The starts of several actors, the `members`, refer to each other in a circle."""
+    """Raised if the starts of several actors, the `members`, refer to each other in a circle."""
 
     def __init__(self, members: tuple[str, ...]) -> None:
         """Create the error for a circle; `members` are in the order of their references."""
         circle = " from ".join((*members, members[0]))
-        message = f"the places of actors are counted in a circle: {circle}"
+        message = f"the places of actors refer to each other in a circle: {circle}"
         if len(members) == 1:
-            message = f"the place of {members[0]} is counted from {members[0]} itself"
-        super().__init__(message, "give one of them a place of its own, such as " + write("30 m along ego.route"))
+            message = f"the place of {members[0]} refers to {members[0]} itself"
+        super().__init__(
+            message,
+            "give one of them a place that does not refer to another actor, such as " + write("30 m along ego.route"),
+        )
         self.members = frozenset(members)
 
 
 class UnsettledError(RouteError):
-    """A place refers to an actor whose own start is impossible; the error is reported at that actor."""
+    """Raised if a place refers to an actor whose own start is impossible; the error is reported at that actor."""

@@ -1,4 +1,4 @@
-"""The position of an actor on its way, and the places ahead of it, behind it and beside it."""
+"""Computes the position of an actor on its way, and the places ahead of it, behind it and beside it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of, word_of
 
 Pose = tuple[float, float, float]
-"""x, y (m) and heading (rad)."""
+"""A pose: x and y, m, and the heading, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,8 @@ class Standing:
                 assert_never(place)
 
     def place(self, place: m.OfActor, *, wheels: bool = True) -> Pose:
-        """Return the pose of a place relative to this actor; `wheels`: a vehicle's own place is that of its front."""
+        """Return the pose of a place relative to this actor; with `wheels`, a vehicle's own place is that of its
+        front."""
         match place:
             case m.AheadOf() | m.BehindOf():
                 left_m = 0.0 if place.offset is None else si_of(place.offset)

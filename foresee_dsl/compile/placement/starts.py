@@ -27,33 +27,34 @@ from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.traversal import word_of
 
 EGO_BEHIND_M = 10.0
-"""The ego's line begins this far before its first edge, m, because its rear may still be there (ours: a rigid truck's
-length)."""
+"""Length by which the ego's line begins before its first edge, m, because the ego's rear may still be there (ours: a
+rigid truck's length)."""
 EGO_BEYOND_M = 80.0
-"""The ego's line continues this far after its last edge, m (ours: a driver that plans 4 s ahead at 60 km/h needs
+"""Length by which the ego's line continues after its last edge, m (ours: a driver that plans 4 s ahead at 60 km/h needs
 67 m)."""
 OFF_ROUTE_M = 3.0
-"""A start farther than this from every lane of its route, m, is reported (ours: about a lane's width)."""
+"""Distance from every lane of its route beyond which a start is reported, m (ours: about a lane's width)."""
 OTHER_LANE_MARGIN_M = 0.2
-"""A clip's ego follows its route's line if its distance from it is less than a lane's width minus this, m. Ours: an ego
-that passes an obstacle in the next lane was measured up to 3.05 m from its line, of 3.5 m."""
+"""Margin, m: a clip's ego follows its route's line if its distance from the line is less than a lane's width minus
+this. Ours: an ego that passes an obstacle in the next lane was measured up to 3.05 m from its line, where lanes are 3.5
+m wide."""
 OFF_STATE_M = 0.05
-"""A mutation has moved an actor along its path if its state is farther than this from the position of `moving`, m; the
-actor starts at that position. Ours: a clip rounds to 1 mm."""
+"""Distance of a state from the position of `moving` beyond which a mutation has moved the actor along its path, m; the
+actor then starts at that position. Ours: a clip rounds to 1 mm."""
 _BEYOND_WEIGHT = 30.0
 """Cost per metre beyond a lane's end, where 1 rad of heading costs 1: a vehicle beyond the end is on the next lane,
 even if it has not turned yet. Ours: internal lanes begin with a corner of up to 0.3 rad, which 1 cm outweighs."""
 _SHORTEST_M = 0.1
-"""A path shorter than this, m, has no direction (ours)."""
+"""Length below which a path has no direction, m (ours)."""
 _SLACK_M = 1e-3
-"""A place may be this far beyond an end, m (ours: rounding errors in files)."""
+"""Distance by which a place may be beyond an end, m (ours: rounding errors in files)."""
 _R = TypeVar("_R")
 
 
 class StartSearch:
     """Computes the starts of actors, one at a time, because a place may refer to the route and start of another actor.
 
-    `actors`, and the `specs` of their models, by the actor's name.
+    `actors` holds the actors and `specs` their models, both by the actor's name.
     """
 
     def __init__(
@@ -65,8 +66,8 @@ class StartSearch:
         self._resolving: list[str] = []
 
     def _line_of(self, actor: str) -> tuple[RouteLine, float]:
-        """Return an actor's route line and its start along it, m; while the start is being computed, the begin of the
-        route instead."""
+        """Return an actor's route line and its start along it, m; while the start is being computed, the beginning of
+        the route instead."""
         if actor not in self._resolving:
             if actor not in self._actors or route_of(self._actors[actor]) is None:
                 self.on_route(actor)  # raises the error here, not at the other actor
@@ -108,8 +109,8 @@ class StartSearch:
         """Return the start of an actor of any kind, with its way."""
         if name not in self._actors:
             if re.fullmatch(r".+_[0-9]+", name):  # unknown names are reported elsewhere
-                message = f"{name} is of the background traffic, which is placed after all others"
-                raise RouteError(message, "count the place from an actor that has a statement of its own")
+                message = f"{name} belongs to the background traffic, which is placed after all other actors"
+                raise RouteError(message, "name an actor that has its own statement")
             raise RouteError(f"there is no actor called {name}", did_you_mean(name, self._actors))
         if name in self._resolving:
             raise CircleError(tuple(self._resolving[self._resolving.index(name) :]))
@@ -130,7 +131,8 @@ class StartSearch:
 
     @contextmanager
     def _counted_from_here(self) -> Iterator[None]:
-        """Convert errors in the start of another actor, to which a place refers: they are reported at that actor."""
+        """Convert errors in the start of another actor, to which a place refers, so that they are reported at that
+        actor."""
         try:
             yield
         except CircleError as err:
@@ -251,7 +253,7 @@ class StartSearch:
             return centre(actor.state, spec)
         start = item(actor, m.StartAt)
         if start is None:
-            raise RouteError(f"{name} is nowhere", "give it a route, a path, or start at a place")
+            raise RouteError(f"{name} has no position", "give it a route, a path, or start at a place")
         place = self.spot(start.place)
         heading = place.heading_rad
         if heading is None:
@@ -268,7 +270,8 @@ class StartSearch:
         return self._network.route_edges(route, lane_kind(spec))
 
     def _first_line(self, name: str) -> RouteLine:
-        """Return the line to use before the start is known: from the route's begin, with the fewest lane changes."""
+        """Return the line to use before the start is known: from the route's beginning, with the fewest lane
+        changes."""
         return self._network.line(self._edges(name), kind=lane_kind(self._specs[name]))
 
     def _place(self, name: str) -> OnRoute:
@@ -324,7 +327,7 @@ class StartSearch:
             if stop.bay and kind != "bus":
                 parked = f"obstacle NAME: obstacle.parked_car {{ start at {place.stop} }}"
                 help = "for a parked one write " + write(parked)
-                raise RouteError(f"{name} cannot start in the bay of {place.stop}: it is for buses", help)
+                raise RouteError(f"{name} cannot start in the bay of {place.stop}: only buses may use it", help)
         elif isinstance(place, m.AlongEdge):
             edge = word_of(place.edge)
             pieces = self._network.pieces(edge)
@@ -334,7 +337,7 @@ class StartSearch:
             raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges))
 
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
-        """Return the distance from an edge's begin to the begin of an internal lane of the junction after it, m."""
+        """Return the distance from an edge's beginning to that of an internal lane of the junction after it, m."""
         for movement in self._network.movements_from(edge, kind):
             if lane.id in movement.via:
                 before = (movement.from_lane, *movement.via[: movement.via.index(lane.id)])
@@ -353,7 +356,7 @@ class StartSearch:
         elsewhere = isinstance(start.place, m.AlongRoute | m.PastJunction | m.OfActor) and start.place.actor != name
         if place.heading_rad is not None and not elsewhere:
             return place.x, place.y, place.heading_rad
-        s, lateral = line.project(place.x, place.y)  # coordinates, or a place on another actor's route
+        s, lateral = line.project(place.x, place.y)  # the place is given by coordinates or on another actor's route
         if isinstance(start.place, m.Point) and abs(lateral) < 1e-6:
             return line.at(s)
         return place.x, place.y, line.at(s)[2]

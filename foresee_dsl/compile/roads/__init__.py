@@ -1,1 +1,1 @@
-"""The road network as geometry: lines, lanes, routes, junctions, and where people walk."""
+"""The road network as geometry: lines, lanes, routes, junctions, and the footways of pedestrians."""

@@ -1,4 +1,4 @@
-"""Conflicts between movements through a junction: the intervals along both, and which movement yields."""
+"""Finds the conflicts between movements through a junction: the intervals along both, and which movement yields."""
 
 from __future__ import annotations
 
@@ -26,10 +26,13 @@ class Conflict:
     """A conflicting movement or pedestrian crossing, whose area a movement crosses or joins.
 
     Attributes:
-        path: way of the foe, [N, 2] m; of vehicles with their approach. entry_s: position of the junction along it, m.
+        path: way of the foe, [N, 2] m; for vehicles it begins with their approach.
+        entry_s: position of the junction along it, m.
         own: first and last position in the conflict area along the movement's own way through the junction, m.
-        other: the same along `path`. yields: the movement must yield to the foe if both may go.
-        tls, link: the signal of the foe ("" and -1 for none). of: the foe itself.
+        other: the same along `path`.
+        yields: True if the movement must yield to the foe when both may go.
+        tls, link: the signal of the foe ("" and -1 for none).
+        of: the foe itself.
     """
 
     path: NDArray[np.float64]

@@ -29,13 +29,14 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.roads.polyline import FloatArray
 
 SAME_DIRECTION_RAD = math.radians(60)
-"""A vehicle is not on a lane whose direction differs from its heading by more than this, rad (measured on CARLA's
+"""Largest difference between a vehicle's heading and the direction of the lane that it is on, rad (measured on CARLA's
 towns: with 60 degrees all 612 waypoints find their lane)."""
 _HEADING_WEIGHT_M = 1.0
 """Cost of 1 rad difference in direction, m: inside junctions, where lanes overlap, it counts like 1 m sideways
 (ours)."""
 CLOSE_GAPS_M = 0.3
-"""Gaps between lanes of up to twice this width are road, m (ours: roundings and corners of maps; medians are wider)."""
+"""Half of the widest gap between lanes that counts as road, m (ours: roundings and corners of maps; medians are
+wider)."""
 
 _WHOLE_M = 3000.0
 """Largest side of a map whose drivable area is computed at once instead of in parts, m (ours: the largest of CARLA's
@@ -66,9 +67,12 @@ class NearLane:
 
 @dataclass(frozen=True, eq=False)
 class StopPlace:
-    """A bus stop: its lane, the position along it of the front of a stopped vehicle, m, its length, m, and its outline
-    as wide as the lane. `bay`: the lane is a bay, which only buses may use. `beside`: the lanes that lead to the bay,
-    on the pieces of its edge before it."""
+    """A bus stop: its lane, the position along the lane of the front of a stopped vehicle, m, its length, m, and its
+    outline, which is as wide as the lane.
+
+    `bay` is True if the lane is a bay, which only buses may use. `beside` holds the lanes that lead to the bay, on the
+    pieces of its edge before it.
+    """
 
     lane: Lane
     pos_m: float
@@ -82,8 +86,8 @@ class StopPlace:
 class RoadNetwork(Topology):
     """A road network; compared by identity, so that results can be cached per network.
 
-    `buildings`: outlines of buildings, which hide actors; `bus_stops`: the statements of the bus stops by name. A net
-    file has neither.
+    `buildings` holds the outlines of buildings, which hide actors; `bus_stops` holds the statements of the bus stops by
+    name. A net file has neither.
     """
 
     buildings: tuple[Points, ...] = ()
@@ -181,10 +185,10 @@ class RoadNetwork(Topology):
         return None
 
     def locate(self, edge: str, at_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """Return x, y and heading of a place on an edge's rightmost car lane, `at_m` from its begin (negative: from its
-        end).
+        """Return x, y and heading of a place on an edge's rightmost car lane, `at_m` from its beginning (negative: from
+        its end).
 
-        `offset_m`: distance to the left of that lane's centre.
+        `offset_m` is the distance to the left of that lane's centre.
 
         Raises:
             RouteError: the edge does not exist or is shorter.
@@ -204,9 +208,9 @@ class RoadNetwork(Topology):
             message = (
                 f"{edge} is only "
                 + measured(f"{length_m:.1f}")
-                + " m long, there is no "
+                + " m long, so it has no place at "
                 + measured(f"{at_m:g}")
-                + " m along it"
+                + " m"
             )
             raise routing.RouteError(message, "use at most " + write(f"{math.floor(length_m)} m"))
         left_m = at_m if at_m >= 0 else length_m + at_m
@@ -226,7 +230,9 @@ class RoadNetwork(Topology):
         if stop is None:
             help = did_you_mean(name, self.bus_stops)
             none = "the network has none: name a place, or add " + write("stop NAME on ROAD at 40 m")
-            raise routing.RouteError(f"there is no bus stop called {name}", help or none + " to a network of ours")
+            raise routing.RouteError(
+                f"there is no bus stop called {name}", help or none + " to a network in the language"
+            )
         lane, front_m = self.place_on(stop.road, si_of(stop.at))
         length_m = layout.STOP_LENGTH_M if stop.length is None else si_of(stop.length)
         if stop.bay is None:
@@ -350,11 +356,11 @@ def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
 
 
 _LEAST_STOP_M = 0.5
-"""A stop that the edge's begin cuts to less than this has no outline, m (ours)."""
+"""Length of a stop below which it has no outline, because the edge's beginning cuts off the rest, m (ours)."""
 
 
 def _stop_outline(lane: Lane, front_m: float, length_m: float) -> Points:
-    """Return the outline of a bus stop on its lane; empty if the edge's begin cuts off almost all of it."""
+    """Return the outline of a bus stop on its lane; empty if the edge's beginning cuts off almost all of it."""
     begin_m = max(front_m - length_m, 0.0)
     if front_m - begin_m <= _LEAST_STOP_M:
         return ()

@@ -37,12 +37,13 @@ CURVATURE_SPAN_M = 5.0
 """Length over which curvature is computed from the change of heading, m (ours: netconvert's turns have a corner every 2
 to 4 m)."""
 _WINDOW_M = 12.0
-"""The nearest point is searched up to this far before and after a hint, m (ours: a vehicle moves at most 3 m a
+"""Length before and after a hint in which the nearest point is searched, m (ours: a vehicle moves at most 3 m a
 step)."""
 _SAMPLE_EVERY = 16
-"""Each segment of this number gives a first bound of a point's distance to the line (ours, measured)."""
+"""Spacing of the segments that give a first bound of a point's distance to the line: one in this number (ours,
+measured)."""
 _SKIP_BEYOND_M2 = 4.0
-"""Segments are skipped only if the squared distance of the point exceeds the squared bound by this, m^2: otherwise
+"""Excess of a point's squared distance over the squared bound, m^2, from which segments are skipped; for less,
 computing the number to skip costs more than it saves (ours, measured)."""
 _ROUNDING_M = 1e-6
 """Margin of the bound, m, so that rounding errors cannot skip the nearest segment."""
@@ -89,15 +90,15 @@ class Polyline:
         return self.marks[-1]
 
     points = as_array("xy")
-    """[N, 2] m."""
+    """The points, [N, 2] m."""
     s = as_array("marks")
-    """[N] m."""
+    """The positions of the points along the line, [N] m."""
     heading = as_array("angles")
-    """[N] rad."""
+    """The directions at the points, [N] rad."""
 
     @cached_property
     def curvature(self) -> FloatArray:
-        """[N] 1/m, left positive, over a span of 5 m."""
+        """The curvature at the points, [N] 1/m, left positive, over a span of 5 m."""
         import numpy as np
 
         half = CURVATURE_SPAN_M / 2
@@ -127,7 +128,7 @@ class Polyline:
         self, x: float | FloatArray, y: float | FloatArray, near_s: float | None = None
     ) -> tuple[float, float] | tuple[FloatArray, FloatArray]:
         """Return the position along the line nearest to a point (m, numbers or [K]), and the distance sideways (left
-        positive). Before the line's begin the position is negative, after its end it exceeds `length_m`.
+        positive). Before the line's beginning the position is negative, after its end it exceeds `length_m`.
 
         The nearest point is searched within 12 m of `near_s`, which is faster and finds the right pass if the line
         passes the point twice; if it is not there, on the whole line.
@@ -166,7 +167,7 @@ class Polyline:
 
     @cached_property
     def _segments(self) -> tuple[tuple[float, float, float, float, float], ...]:
-        """For each segment: x and y of its begin, x and y of its extent, and 1 / squared length."""
+        """The segments, each with x and y of its beginning, x and y of its extent, and 1 / squared length."""
         return tuple(
             (x0, y0, x1 - x0, y1 - y0, 1.0 / max((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0), 1e-12))
             for (x0, y0), (x1, y1) in pairwise(self.xy)

@@ -1,4 +1,4 @@
-"""The centreline that a vehicle follows: its lanes, its lane changes, and the junctions on its way."""
+"""Makes the centreline that a vehicle follows: its lanes, its lane changes, and the junctions on its way."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from foresee_dsl.compile.roads.routing import RouteError, check_whole, onward
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement, Topology
 
 CHANGE_AFTER_M = 10.0
-"""A lane change begins this far into its edge, m (ours: clear of the junction, and early, as driving schools teach)."""
+"""Length after the beginning of its edge at which a lane change begins, m (ours: clear of the junction, and early, as
+driving schools teach)."""
 CHANGE_TIME_S = 3.0
 """Duration of a lane change at the speed limit, s, if the edge is long enough. Ours: with a cosine blend over 3.5 m the
 lateral acceleration is 1.9 m/s^2, which is comfortable; over 20 m at 50 km/h it would be 8 m/s^2."""
@@ -39,7 +40,7 @@ class Passage:
 
     @property
     def turn(self) -> str:
-        """`straight`, `left`, `right` or `back`."""
+        """The turn: `straight`, `left`, `right` or `back`."""
         return self.movement.turn
 
     @property
@@ -58,7 +59,7 @@ class RouteLine(Polyline):
         lefts, rights: distance from each point to the left and right border of the lanes of its direction, m.
         edges: edges of the route, then those that `beyond_m` added.
         passages: junctions on the way, in order (none before the route's first edge).
-        origin_s: begin of the first edge along the line, m (over 0 with `behind_m`).
+        origin_s: beginning of the first edge along the line, m (over 0 with `behind_m`).
         end_s: end of the route's last edge, m (less than `length_m` with `beyond_m`).
         pieces: lanes in order: (position at which the lane begins, lane id).
         rings: roundabouts on the way, each from its first junction on the way to its last.
@@ -75,11 +76,11 @@ class RouteLine(Polyline):
     rings: tuple[Passage, ...] = ()
 
     speed_limit = lines.as_array("limits")
-    """[N] m/s."""
+    """The speed limits at the points, [N] m/s."""
     left_m = lines.as_array("lefts")
-    """[N] m."""
+    """The distances to the left border at the points, [N] m."""
     right_m = lines.as_array("rights")
-    """[N] m."""
+    """The distances to the right border at the points, [N] m."""
 
     def lane_at(self, s: float) -> str:
         """Return the id of the lane at a position along the line."""
@@ -124,7 +125,7 @@ class _Plan(NamedTuple):
     stretches: tuple[_Stretch, ...]
 
 
-@lru_cache(maxsize=128)  # 80 kB each; 512 would spare 2 % of the calls of a campaign
+@lru_cache(maxsize=128)  # a line takes 80 kB; 512 lines would save 2 % of the calls of a campaign
 def build_line(
     network: Topology,
     edges: tuple[str, ...],
@@ -152,7 +153,7 @@ def build_line(
             entry = len(joined.vertices)
             for name in stretch.onward.via:
                 joined.add(network.lanes[name], _vertices(network.lanes[name]))
-            if not stretch.onward.via:  # a net without internal lanes: straight across the junction
+            if not stretch.onward.via:  # in a net without internal lanes, the line goes straight across the junction
                 target = network.lanes[stretch.onward.to_lane]
                 joined.bridge(target.shape[0], target)
             passages.append((stretch.onward, entry, len(joined.vertices)))
@@ -182,7 +183,7 @@ def _choose_lanes(
         starts = [network.lanes[start_lane].index]
     if not starts:
         check_whole(network, edges)
-        raise RouteError(f"no lane of {first.id} is for a {kind}")
+        raise RouteError(f"no lane of {first.id} is open to a {kind}")
     best = {k: _Plan(0, (k,), ()) for k in starts}
     for here, there in pairwise(edges):
         ways = [m for m in network.movements_from(here, kind) if m.to_edge == there]
@@ -214,7 +215,7 @@ def _advance(
 
 
 def _ahead(network: Topology, plan: Sequence[_Stretch], length_m: float, kind: LaneKind) -> list[_Stretch]:
-    """Extend a plan beyond the route's end from its last lane, straight on if possible.
+    """Return a plan that continues beyond the route's end from its last lane, straight on if possible.
 
     It never enters an edge twice, as in a roundabout, because the nearest point of the line would be ambiguous there.
     """
@@ -237,7 +238,7 @@ def _ahead(network: Topology, plan: Sequence[_Stretch], length_m: float, kind: L
 
 
 def approach(network: Topology, lane: Lane, length_m: float, kind: LaneKind = "car") -> Points:
-    """Return the last `length_m` (or less, if the network ends) of the way to a lane's begin."""
+    """Return the last `length_m` (or less, if the network ends) of the way to a lane's beginning."""
     parts: list[Points] = []
     missing = length_m
     while missing > 0:

@@ -1,4 +1,4 @@
-"""Routes through a network: computes the edges of the language's `route` statements."""
+"""Computes the edges of routes through a network, from the language's `route` statements."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from foresee_dsl.language.traversal import word_of
 
 _AROUND = "choose a way around that place, or correct the map there"
 _STRAIGHT_RAD = math.radians(45)
-"""An exit of a roundabout within this angle of straight on counts as straight, rad (as for SUMO's directions)."""
+"""Largest difference from straight on at which an exit of a roundabout counts as straight, rad (as for SUMO's
+directions)."""
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
-"""SUMO's directions, plain ones first: if two movements count as `left`, `left` means the plain one."""
+"""SUMO's letters of directions in order of preference: if a plain turn and a half turn both count as `left`, `left`
+means the plain one."""
 
 
 class RouteError(ValueError):
-    """A route or a name in it does not fit the network; `help` proposes a correction."""
+    """Raised if a route or a name in it does not fit the network; `help` proposes a correction."""
 
     def __init__(self, message: MessageText, help: HelpText = "") -> None:
         super().__init__(Message.of(message).text)
@@ -60,7 +62,8 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
         raise RouteError(f"{start} does not lead to {first}", "it leads to " + ends)
     for leg in route.legs:
         edges = _over(network, edges, leg, kind)
-    while (following := next_piece(edges[-1])) in network.edges and network.parts:  # to the end of the last road
+    # The route goes to the end of its last road.
+    while (following := next_piece(edges[-1])) in network.edges and network.parts:
         edges = (*edges, following)
     return edges
 
@@ -90,10 +93,10 @@ def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "ca
 
 
 def check_whole(network: Topology, edges: Sequence[str]) -> None:
-    """Check that the map is not broken along a way.
+    """Check that the map has no fault along a way.
 
     Raises:
-        RouteError: it is; the message names the place.
+        RouteError: it has one; the message names the place.
     """
     for edge in edges:
         faults = [lane.fault for lane in network.edges[edge].lanes if lane.fault]
@@ -174,7 +177,7 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
         for edge in broken:
             check_whole(network, (way[-1], edge))
         turns = [t for t in _TURN_ORDER if any(m.turn == t for m in ways)]
-        message = f"from {way[-1]} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
+        message = f"from {way[-1]}, vehicles can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
         raise RouteError(message, _other_turn(turns, turn, junction))
     return (*edges, *way[1:], chosen.to_edge)
 
@@ -227,7 +230,7 @@ def _round(network: Topology, edge: str, leg: Leg, kind: LaneKind) -> tuple[str,
     fitting = [way for way in ways if way[0] == turn]
     if not fitting:
         turns = [t for t in _TURN_ORDER if any(t == way_turn for way_turn, _, _ in ways)]
-        message = f"from {edge} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
+        message = f"from {edge}, vehicles can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
         raise RouteError(message, _other_turn(turns, turn, junction))
     return min(fitting, key=lambda way: way[1])[2]
 

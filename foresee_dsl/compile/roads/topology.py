@@ -85,8 +85,8 @@ class Edge:
 class Junction:
     """A junction of edges.
 
-    `requests[k]` is row k of SUMO's right-of-way matrix, with one row for each link: (response, foes) as bit masks over
-    the links. Bit j of `response` is set if link k must yield to link j, bit j of `foes` if the two conflict.
+    `requests[k]` is row k of SUMO's right-of-way matrix, which has one row for each link: (response, foes) as bit masks
+    over the links. Bit j of `response` is set if link k must yield to link j, bit j of `foes` if the two conflict.
     """
 
     id: str
@@ -161,7 +161,7 @@ class Crossing:
 
     @property
     def ends(self) -> tuple[str, str]:
-        """Its lane, as both ends, because pedestrians use it in both directions."""
+        """The ids of the two lanes at its ends: twice its own lane, because pedestrians use it in both directions."""
         return self.lane.id, self.lane.id
 
 
@@ -178,10 +178,11 @@ class WalkingArea:
 class Topology:
     """The parts of a net, in the order of the file; compared by identity.
 
-    `left_hand`: traffic keeps to the left, and lanes are counted from the left.
-    `parts`: for each divided edge, by its whole name, its pieces in driving order. `rings`: roundabouts by name.
-    `joints`: the junctions at which an edge is only divided. A net file has none of these three.
-    `footways`: pairs of connected ids: of a sidewalk's lane, a crossing's lane or a walking area.
+    `left_hand` is True if traffic keeps to the left; lanes are then counted from the left.
+    `parts` holds, for each divided edge by its whole name, its pieces in driving order. `rings` holds roundabouts by
+    name.
+    `joints` holds the junctions at which an edge is only divided. A net file has none of these three.
+    `footways` holds pairs of connected ids: of a sidewalk's lane, a crossing's lane or a walking area.
     """
 
     lanes: Mapping[str, Lane]

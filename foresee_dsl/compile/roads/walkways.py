@@ -1,4 +1,4 @@
-"""The graph of sidewalks, walking areas and crossings, and random walks of pedestrians on it."""
+"""Makes the graph of sidewalks, walking areas and crossings, and draws random walks of pedestrians on it."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class Walkways:
         """Return the ends of other footways that are connected to an end, directly or across a walking area."""
         ends: list[_End] = []
         for node in self.graph.adj[end]:
-            if node[1] < 0:  # a walking area
+            if node[1] < 0:  # the end touches a walking area
                 ends += [other for other in self.graph.adj[node] if other != end and other[1] >= 0]
             elif node[0] != end[0]:
                 ends.append(node)

@@ -1,1 +1,1 @@
-"""Answers of the server other than diagnostics: quick fixes, hints, lenses, tokens and pictures."""
+"""Answers of the language server other than diagnostics: quick fixes, hints, lenses, tokens and pictures."""

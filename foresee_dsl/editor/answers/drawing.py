@@ -1,4 +1,4 @@
-"""Answers `foresee/draw`: draws the picture of a file from the texts that the editor holds."""
+"""Answers the editor's request `foresee/draw`: draws a file from the texts that the editor holds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
 
 
 def page(nonce: str) -> str:
-    """Return the page that shows pictures; `nonce`: that of the web view's scripts and styles."""
+    """Return the page that shows pictures; `nonce` is the nonce of the web view's scripts and styles."""
     from foresee_dsl.report.picture.answer import page_of
 
     return page_of(nonce, title="foresee", connect="")

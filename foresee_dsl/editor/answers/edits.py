@@ -42,8 +42,10 @@ def applied(text: str, positions: Positions, fix: Fix) -> str:
 
 
 def edits(diagnostic: Diagnostic, span: Span, positions: Positions) -> Iterator[tuple[str, Fix]]:
-    """Yield the possible edits for a diagnostic's fixes at a place, likely ones first, each with its purpose: one edit
-    per purpose is enough."""
+    """Yield the possible edits for a diagnostic's fixes at a place, likely ones first, each with its purpose.
+
+    The caller needs only one edit per purpose.
+    """
     place = _Place(span, positions)
     meant = meant_at(diagnostic.fixes, place.written)
     if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
@@ -162,7 +164,7 @@ class _Place:
         if not statement:
             yield self.fix(write, self.start, max(end, self.start), words)
             yield self.fix(write, begin + len(indent), max(end, begin + len(indent)), words)
-        if head is not None and head.open >= 0:  # the first statement of the block that begins here
+        if head is not None and head.open >= 0:  # as the first statement of the block that begins here
             yield self.fix(add, head.open + 1, head.open + 1, f"\n{indent}  {words}")
         elif head is not None:
             yield self.fix(add, head.end, head.end, f" {{ {words} }}")
@@ -308,7 +310,7 @@ class _Place:
             return
         before, behind = self._text[: self.start].rstrip(), self._text[self.end :].lstrip()
         if before.endswith(("[", ",")) and behind.startswith(("]", ",")):
-            yield self._without(self.start, self.end)  # one of a list
+            yield self._without(self.start, self.end)  # the word is one of a list
         if word:
             at = self._text.rfind(word, around[-1].start if around else 0, self.end)
             if at >= 0:

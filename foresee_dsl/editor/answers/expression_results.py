@@ -1,4 +1,4 @@
-"""Computes the value of an expression under the cursor with the parameters' defaults, and its dimension."""
+"""Computes the value and the dimension of an expression under the cursor, with the parameters' defaults."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ def _description(value: m.Expression, types: dict[str, m.ParamType], values: dic
     try:
         result = value_text(evaluate(value, values))
     except ExpressionError as error:
-        return f"{error.message} (by default)" if any(references(value)) else error.message
-    by_default = " by default" if any(references(value)) else ""
+        return f"{error.message} (with the defaults)" if any(references(value)) else error.message
+    by_default = " with the defaults" if any(references(value)) else ""
     return f"`{written(value)}` is `{result}`{by_default}, {in_words(powers)}"
 
 

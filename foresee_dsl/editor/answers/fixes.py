@@ -1,4 +1,4 @@
-"""Quick fixes: the edits of a diagnostic's help that remove the diagnostic."""
+"""Quick fixes: finds the edits of a diagnostic's help that really remove the diagnostic."""
 
 from __future__ import annotations
 
@@ -33,18 +33,20 @@ _MEANT_BY: Mapping[str, str] = {"gap": "time", "pace": "speed", "speed": "speed"
 """The types of the parameters that examples name."""
 
 Check = Callable[[str], tuple[Diagnostic, ...]]
-"""Returns the diagnostics of a text of the file."""
+"""A function that returns the diagnostics of a text of the file."""
 Adapt = Callable[[str, Positions, Fix], Fix]
-"""Returns an edit with names of the file in place of those of an example."""
+"""A function that returns an edit in which names of the file replace those of an example."""
 
 
 def fixes(
     diagnostic: Diagnostic, span: Span, positions: Positions, check: Check, adapt: Adapt | None = None
 ) -> tuple[Fix, ...]:
-    """Return the fixes of a diagnostic; each was tried, and leaves one error less.
+    """Return the fixes of a diagnostic. Each was tried, and leaves one error less.
 
     Args:
-        diagnostic: the diagnostic. span: its present place. positions: the places of the text.
+        diagnostic: the diagnostic.
+        span: its present place.
+        positions: the places of the text.
         check: returns the diagnostics of a text, without those of other files.
         adapt: replaces the names of an example by names of the file.
     """

@@ -1,4 +1,4 @@
-"""Marks that an editor shows in a text: kinds of words, speeds in m/s, and commands above scenarios and cases."""
+"""Marks that an editor shows in a text: the kinds of words, speeds in m/s, and commands above scenarios and cases."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _TYPES: Mapping[SymbolKind, str] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Hint:
-    """A text behind a place."""
+    """A text that the editor shows behind a place."""
 
     line: int
     column: int
@@ -44,7 +44,7 @@ class Hint:
 
 @dataclass(frozen=True)
 class Lens:
-    """A command above a place: `run`, `forecast` or `draw`, with its address."""
+    """A command that the editor shows above a place: `run`, `forecast` or `draw`, with the address to call it for."""
 
     span: Span
     command: str
@@ -52,7 +52,7 @@ class Lens:
 
 
 def hints(text: str, first: int, last: int) -> Iterator[Hint]:
-    """Yield the hints of some lines of a text: speeds in other units, as m/s."""
+    """Return the hints for some lines of a text: each speed in another unit is also shown in m/s."""
     root = read_syntax(text).root
     for node, _ in walk(root) if root is not None else ():
         if node.kind is not m.Quantity or not first <= node.span.line <= last:
@@ -103,7 +103,7 @@ def tokens(text: str) -> Iterator[Token]:
     line = end = 0
     for token in in_order:
         if token.span.line == line and token.span.column < end:
-            continue  # inside another token
+            continue  # the match is inside another token
         line, end = token.span.line, token.span.end_column
         yield token
 
@@ -112,7 +112,8 @@ def _names(text: str) -> Iterator[Token]:
     for o in occurrences(text):
         type_ = _TYPES.get(o.kind)
         one_line = o.span.line == o.span.end_line
-        if type_ is not None and one_line and o.span.end_column - o.span.column == len(o.name):  # in quotes: a text
+        # In quotes, it is a text.
+        if type_ is not None and one_line and o.span.end_column - o.span.column == len(o.name):
             yield Token(o.span, type_, o.defines)
 
 

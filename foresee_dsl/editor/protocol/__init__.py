@@ -1,1 +1,1 @@
-"""Parts of the Language Server Protocol: messages, positions in a text, and names of files."""
+"""Parts of the Language Server Protocol: messages, positions in a text, and addresses of files."""

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, Literal
 
 Json = dict[str, Any]
 Handler = Callable[[Any], object]
-"""Takes a message's parameters, and returns the result (None for a notification)."""
+"""A function that takes a message's parameters and returns the result (None for a notification)."""
 
 METHOD_NOT_FOUND, INTERNAL_ERROR, INVALID_REQUEST, REQUEST_FAILED = -32601, -32603, -32600, -32803
 """Codes of JSON-RPC 2.0 (5.1) and of the protocol (3.17, `ErrorCodes`)."""
@@ -22,7 +22,7 @@ LARGEST_BYTES = 64_000_000
 
 
 class RequestError(Exception):
-    """A request cannot be answered; the message is shown to the user."""
+    """Raised for a request that cannot be answered; the message is shown to the user."""
 
 
 class LATER:
@@ -52,7 +52,7 @@ class Connection:
         self._send({"method": method, "params": params})
 
     def ask(self, number: int, method: str, params: Json | None = None) -> None:
-        """Send a request without waiting for its answer."""
+        """Send a request and do not wait for its answer."""
         self._send({"id": number, "method": method, "params": params})
 
     def reply(self, request: int | str, result: object) -> None:
@@ -94,13 +94,14 @@ class Connection:
 def serve(connection: Connection, handlers: dict[str, Handler], ready: Callable[[], bool]) -> Literal[0, 1]:
     """Answer a client until it sends `exit` or disconnects; return 0 if it sent `shutdown` before, else 1.
 
-    `ready`: returns whether the session has begun; before that, requests are refused. A handler gets the request's
-    parameters; they contain the request's number as `"foresee/id"`, for a handler that returns `LATER`."""
+    `ready` returns whether the session has begun; before that, requests are refused. A handler gets the request's
+    parameters; they contain the request's number as `"foresee/id"`, for a handler that returns `LATER`.
+    """
     stopped = False
     for message in connection.messages():
         method, request = message.get("method"), message.get("id")
         if not isinstance(method, str):
-            continue  # an answer to one of our requests
+            continue  # this is an answer to one of our requests
         if method == "exit":
             return 0 if stopped else 1
         handler = handlers.get(method)

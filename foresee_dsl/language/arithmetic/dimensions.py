@@ -96,7 +96,8 @@ class Dimensions:
             case m.Extreme(values=values):
                 return self._same(value, values)
             case m.Product(left=left, op=op, right=right):
-                needed, self._needed = self._needed, None  # the place needs the product's dimension, not its parts'
+                # The place needs a dimension of the product, and not of its parts.
+                needed, self._needed = self._needed, None
                 first, second = self.of(left), self.of(right)
                 self._needed = needed
                 return None if first is None or second is None else first.times(second, 1 if op == "*" else -1)

@@ -118,7 +118,7 @@ def _product(whole: m.Product, left: _Number, op: str, right: _Number) -> _Numbe
     if op == "/" and right.amount == 0:
         raise ExpressionError(whole, f"`{written(whole)}` divides by zero: `{written(whole.right)}` is 0")
     powers = left.powers.times(right.powers, 1 if op == "*" else -1)
-    if right.powers == Powers():  # twice something, half of it: its unit stays
+    if right.powers == Powers():  # a multiple or a fraction of a value keeps the unit of that value
         return _Number(left.amount * right.amount if op == "*" else left.amount / right.amount, left.unit, powers)
     if left.powers == Powers() and op == "*":
         return _Number(left.amount * right.amount, right.unit, powers)

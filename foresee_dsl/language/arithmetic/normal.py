@@ -100,4 +100,5 @@ def _inverse(terms: _Terms) -> _Terms:
     if len(terms) == 1:
         ((key, amount),) = terms.items()
         return {tuple((name, -n) for name, n in key): 1 / amount}
-    return {((json.dumps(_json(terms)), -1),): Fraction(1)}  # also without terms, which is a division by zero
+    # The divisor may also have no terms: then it is a division by zero.
+    return {((json.dumps(_json(terms)), -1),): Fraction(1)}

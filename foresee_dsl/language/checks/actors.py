@@ -148,11 +148,11 @@ def _check_passes(
         message = f"'{actor.name}' follows a path, which fixes its line, so it cannot have `passes in lane`"
         findings.add(statement, "", "FS042", message, "write a route instead of the path, or " + remove("remove it"))
     for line in (item for item in actor.body if isinstance(item, m.Line)):
-        message = f"'{actor.name}' passes within its lane, so SUMO sets its line and `line` cannot"
+        message = f"'{actor.name}' passes within its lane, so SUMO decides its line and `line` has no effect"
         findings.add(line, "", "FS042", message, remove("keep one of the two"))
     for action in (part for item in body if isinstance(item, m.When) for part in walk(item)):
         if isinstance(action, _SET_LINE) and action.actor == actor.name:
-            message = f"'{actor.name}' passes within its lane, so SUMO sets its line and this action cannot"
+            message = f"'{actor.name}' passes within its lane, so SUMO decides its line and this action has no effect"
             help = remove("remove this action") + ", or `passes in lane` from the actor"
             findings.add(action, "", "FS042", message, help)
 
@@ -252,7 +252,8 @@ def _check_mentions(
     """Report mentions of actors that do not exist. Actors of the traffic are called `others_03`, doors `van_door`."""
     for root in body:
         for item in walk(root):
-            place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS  # its `other` is a junction
+            # The second name of this measure is a junction, not an actor.
+            place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS
             fields = vars(item)  # not `getattr`: pydantic is slow for a field that the class does not have
             named = [(field, fields.get(field)) for field in (("actor",) if place else ("actor", "other"))]
             for field, name in ((field, name) for field, name in named if isinstance(name, str)):

@@ -178,7 +178,8 @@ def unknown_names(document: Document, load: Callable[[Path], Document]) -> Itera
     junctions = [item.name for item in network.body if isinstance(item, crossed)]
     roads = [item.name for item in network.body if isinstance(item, (m.Road, *ramps))]
     edges = {*roads, *(f"{road}_back" for road in roads)}
-    parts = tuple(f"{item.name}_" for item in network.body if isinstance(item, crossed[1:]))  # `circle_west`
+    # Names such as `circle_west`, a junction on the ring of a roundabout, begin with the name of the statement.
+    parts = tuple(f"{item.name}_" for item in network.body if isinstance(item, crossed[1:]))
     findings = Findings(document)
     for statement in model.body:
         if isinstance(statement, m.Network | m.Param | m.Case):
@@ -212,6 +213,6 @@ def _network(scenario: m.Scenario, folder: Path, load: Callable[[Path], Document
         return inline
     try:
         model = load(folder / used.path).model
-    except InputError:  # also if the file does not exist
+    except InputError:  # the file may have errors or not exist
         return None
     return model if isinstance(model, m.Network) else None

@@ -27,7 +27,8 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
     match model:
         case m.Scenario():
             _check_scenario(findings, model)
-            drawn = any(isinstance(item, m.Cases) for item in model.body)  # their names are known once they are drawn
+            # The names of drawn cases are known only once they are drawn.
+            drawn = any(isinstance(item, m.Cases) for item in model.body)
             _check_expected(findings, model, None if drawn else [case.name for case in model.all(m.Case)])
         case m.Clip():
             _check_clip(findings, model)

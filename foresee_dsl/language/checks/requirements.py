@@ -30,7 +30,7 @@ def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
             try:
                 values = case_values(scenario, case)
             except ExpressionError:
-                continue  # which was reported
+                continue  # the error in the requirement was reported already
             if holds(require.condition, values) is False:
                 message = f"in case '{case.name}', {violation(require, values)}"
                 findings.add(case, "name", "FS053", message, "change the value, or the requirement")

@@ -68,7 +68,7 @@ def check_values(findings: Findings, model: m.Definition) -> None:
                 from foresee_dsl.language.checks.expressions import refuse
 
                 refuse(findings, only_values, item, field, value)
-            elif id(item) not in required and not isinstance(item, m.Assignment):  # `check_parameters` knows of them
+            elif id(item) not in required and not isinstance(item, m.Assignment):  # `check_parameters` checks these
                 from foresee_dsl.language.checks.expressions import check_expression
 
                 check_expression(findings, item, field, value, _needed(item, field), types)

@@ -67,7 +67,7 @@ class Code:
 @cache
 def every_code() -> MappingProxyType[str, Code]:
     """Return every code that a diagnostic may have, by name, in order."""
-    import tomllib  # here: a check without mistakes needs no explanations
+    import tomllib  # imported here, because a check without errors needs no explanations
 
     text = (data_folder("grammars") / "codes.toml").read_text(encoding="utf-8")
     return MappingProxyType({name: Code(name, **fields) for name, fields in tomllib.loads(text).items()})

@@ -120,7 +120,7 @@ def diff_files(
     (old_file, a), (new_file, b) = old, new
     if isinstance(a, m.Clip | m.Mutant) and isinstance(b, m.Clip | m.Mutant):
         if absolute(old_file.parent / a.parent) == absolute(new_file.parent / b.parent):
-            b = b.model_copy(update={"parent": a.parent})  # one file, named from two folders
+            b = b.model_copy(update={"parent": a.parent})  # both sides may name the same file from two folders
         return diff_models(a, b)
     if not (isinstance(a, m.Scenario) and isinstance(b, m.Scenario)):
         return diff_models(a, b)

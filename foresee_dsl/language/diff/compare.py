@@ -140,7 +140,7 @@ def _absent(value: object, other: object) -> bool:
 def _changed(place: _Place, a: object, b: object, was: str | None, now: str | None) -> Difference:
     kind = kind_of(was, now)
     note = w.note(a, b) if kind == "changed" else ""
-    if kind == "changed" and was == now:  # equal texts of different values
+    if kind == "changed" and was == now:  # different values can have equal texts
         note = "a parameter in one of the two"
     return Difference(place.group, place.words, kind, was, now, note, Edit("set", place.at, b))
 

@@ -85,7 +85,7 @@ def _name_key(item: m.Item) -> Hashable:
         return ("signal", content_key(item.junction))
     if isinstance(item, m.Network):
         return "network"
-    held = getattr(item, "item", None)  # `add STATEMENT`
+    held = getattr(item, "item", None)  # for `add STATEMENT`, the statement behind it counts
     key = _name_key(held) if isinstance(held, m.Item) else name_of(item)
     return None if key is None or isinstance(item, NO_MEANING) else (type(item).__name__, key)
 

@@ -117,7 +117,7 @@ def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
             model = renamed(model, old, new)
     result = _item(model, [edit for edit in edits if edit.op != "rename"], ())
     if not isinstance(result, type(model)):
-        raise ValueError(f"the edits make a {type(result).__name__} of a {type(model).__name__}")
+        raise ValueError(f"the edits change a {type(model).__name__} into a {type(result).__name__}")
     return result
 
 
@@ -151,7 +151,7 @@ def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple
     for edit in edits:
         if edit.op == "insert" and edit.at[:-1] == at:
             behind.setdefault(int(edit.at[-1]), []).append(edit)
-        elif edit.op == "order" and edit.at == at:  # into the places that its elements had
+        elif edit.op == "order" and edit.at == at:  # the elements in their new order go to the places that they had
             for place, number in zip(sorted(edit.value), edit.value, strict=True):
                 order[place] = number
         else:

@@ -101,7 +101,7 @@ def _plain(item: _T, people: bool) -> _T:
         elif isinstance(value, tuple):
             fields[name] = _parts(item, name, value, people)
     if isinstance(item, m.When) and item.repeat == "once":
-        fields["repeat"] = None  # the default of a trigger
+        fields["repeat"] = None  # `once` is the default of a trigger
     return item.model_copy(update=fields)
 
 

@@ -150,7 +150,7 @@ def _code_block(change: Difference) -> str:
     lines = [f"- {line}" for line in change.was.split("\n")] if change.was is not None else []
     lines += [f"+ {line}" for line in change.now.split("\n")] if change.now is not None else []
     fence = "```"
-    while any(fence in line for line in lines):  # a string in the file may hold one
+    while any(fence in line for line in lines):  # a string in the file may contain the fence
         fence += "`"
     body = "\n".join(lines)
     summary = html.escape(change.path, quote=False)

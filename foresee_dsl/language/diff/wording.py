@@ -18,8 +18,8 @@ NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Exp
 
 _WORD = re.compile(r"[a-z_]+")
 _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
-"""Statements that are called by the first word of their pattern alone, although further fixed words follow it in the
-printed text."""
+"""Statements that a label names by one word, the first of their pattern, although further fixed words follow it in the
+text."""
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
 _WRITTEN = (m.Quantity, m.Ref, *m.EXPRESSIONS, m.Range, m.Measure, *get_args(get_args(m.Place)[0]))

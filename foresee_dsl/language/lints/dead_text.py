@@ -78,7 +78,7 @@ def _dead_steps(
         if endless:
             reason = f"`{endless}` before it never completes"
         elif not reason and starts_s > limits.end_s + _ROUNDING_S:
-            reason = f"it begins at {starts_s:g} s at the earliest, and the run ends after {limits.end_s:g} s"
+            reason = f"it begins at {starts_s:g} s at the earliest, but the run ends after {limits.end_s:g} s"
         if reason:
             yield _never_happens(action, reason)
             return

@@ -67,7 +67,8 @@ def _add(lints: dict[tuple[Span | None, str], Diagnostic], document: Document, l
         return  # it is written in a file that this one extends, which is checked on its own
     diagnostic = document.diagnostic(lint_.item, lint_.field, lint_.code, lint_.message, lint_.help)
     span = diagnostic.span
-    if span is not None and span.end_line != span.line:  # only the first line: a whole underlined block is unreadable
+    # Only the first line is underlined, because a whole underlined block is unreadable.
+    if span is not None and span.end_line != span.line:
         end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
         span = Span(span.line, span.column, span.line, max(end, span.column + 1))
     lints.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=every_code()[lint_.code].severity))
@@ -193,7 +194,8 @@ def _same(line: m.Item, item: m.Item) -> bool:
 
 
 def _pair(item: m.Item, line: m.Item, written_items: dict[int, m.Item]) -> None:
-    if type(item) is type(line) and item is not line:  # without parameters a statement is its own
+    # A statement without parameters is the same object in the concrete scenario.
+    if type(item) is type(line) and item is not line:
         written_items[id(item)] = line
         inner = dict(fields_of(line))
         for name, part in fields_of(item):

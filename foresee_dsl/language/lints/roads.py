@@ -44,7 +44,7 @@ class Roads:
         return [piece for piece, ends in self._pieces.items() if ends[0] == junction and ends != back]
 
     def on(self, edges: Iterable[str]) -> set[str]:
-        """Return the junctions at which some edges, or pieces of those edges, end."""
+        """Return the junctions at which the given edges, or pieces of them, end."""
         return {end for piece, (_, end) in self._pieces.items() if piece.partition("#")[0] in edges}
 
 

@@ -52,7 +52,7 @@ def _underlined(span: Span, line: str) -> tuple[str, str, str]:
     end = span.end_column - 1 if span.end_line == span.line else len(line.rstrip())
     end = min(max(end, start + 1), max(len(line), start + 1))
     first, last = 0, len(line)
-    if last > _WIDTH:  # only the part with the place in it
+    if last > _WIDTH:  # of a long line, only the part that contains the place is shown
         first = max(0, start - max(_WIDTH - (end - start), 20) // 2)
         last = min(last, first + _WIDTH)
     before, under, after = line[first:start], line[start : min(end, last)], line[end:last]

@@ -24,9 +24,7 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     if not word or len(word) > _LONGEST:
         return None
     same = [candidate for candidate in candidates if _plain(candidate) == _plain(word)]
-    matches = same or get_close_matches(
-        word.lower(), candidates, n=1, cutoff=0.6
-    )  # difflib's own default of the cutoff
+    matches = same or get_close_matches(word.lower(), candidates, n=1, cutoff=0.6)  # 0.6 is difflib's own default
     return matches[0] if matches else None
 
 

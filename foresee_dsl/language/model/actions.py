@@ -1,4 +1,4 @@
-"""Actions of triggers that change the road for all actors, and actions that bring an actor to a place."""
+"""Actions of triggers that change the road or a signal for all actors, or that move an actor in a special way."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from foresee_dsl.language.model.item import Bounds, Item
 
 
 class TurnsTo(Item):
-    """`king_oak turns to ew_go`: the signal switches to the beginning of that stage; then its programme continues.
+    """`king_oak turns to ew_go`: the signal switches to the beginning of that stage; then its programme continues from
+    there.
 
-    With `amber` or `red` it switches to the amber, or to the all-red, that ends that stage.
+    With `amber` or `red` it switches to the amber, or to the all-red, that ends the stage.
     """
 
     pattern = "{junction} turns to {stage} [{light}]"
     never_bare = ("door", "limit", "then", "wait")
-    words = "turns (action): a signal shows a stage, then its programme goes on | king_oak turns to ew_go amber"
+    words = """
+        turns (action): a signal switches to a stage, and then its programme continues | king_oak turns to ew_go amber
+    """
 
     junction: v.JunctionId
     stage: v.StageId
@@ -26,15 +29,15 @@ class TurnsTo(Item):
 
 
 class Limit(Item):
-    """`limit on mill_west is 30 km/h`: another speed limit on a road, or with `lane 2` on one of its lanes.
+    """`limit on mill_west is 30 km/h`: the road gets another speed limit, or with `lane 2` only one of its lanes does.
 
-    Vehicles that SUMO drives keep to it: a vehicle at the old limit or above takes the new one, and a slower vehicle
-    keeps its speed if that is below the new limit. They brake before they reach the place. Lanes count from 1, the
-    rightmost for cars.
+    Vehicles that SUMO drives obey the new limit and brake before they reach the place: a vehicle that drives at the old
+    limit or faster then drives at the new one, and a slower vehicle keeps its speed if that is below the new limit.
+    Lanes count from 1, the rightmost for cars.
     """
 
     pattern = "limit on {road} [lane {lane}] is {speed}"
-    words = "limit (action): another speed limit on a road or a lane | limit on mill_west is 30 km/h"
+    words = "limit (action): a road or a lane gets another speed limit | limit on mill_west is 30 km/h"
 
     road: v.RoadId
     lane: Annotated[v.Count, Bounds(1, 8)] | None = None
@@ -42,8 +45,8 @@ class Limit(Item):
 
 
 class StopsAt(Item):
-    """`bus stops at market for 8 s`: brakes so that its front stands at the end of that stop (or at a place), stands
-    there for the time or for good, then drives on.
+    """`bus stops at market for 8 s`: the actor brakes so that its front stands at the end of that stop (or at a place),
+    stands there for the time, then drives on; without a time it stays there.
 
     For a stop it changes to the stop's lane. It brakes with at most 3 m/s^2. An actor that can no longer stop there
     stops behind the stop; an actor that is more than 5 m past it drives on.
@@ -57,12 +60,12 @@ class StopsAt(Item):
 
 
 HARDEST_MPS2 = 12.0
-"""Largest braking that can be written, m/s^2. Ours: no tyre on a road holds more."""
+"""Largest braking that can be written, m/s^2. Ours: no tyre on a road can brake harder."""
 
 
 class BrakesFor(Item):
-    """`lead brakes 6 m/s^2 for 2 s`: it brakes with this deceleration for the time, and stands if it stops earlier;
-    then it drives on as before. Without a time it brakes to a stand and stays there.
+    """`lead brakes 6 m/s^2 for 2 s`: the actor brakes with this deceleration for the time, and stands if it stops
+    earlier; then it drives on as before. Without a time it brakes until it stands, and stays there.
 
     It brakes harder if traffic requires that. The model's limits apply: `emergency_braking`, and under a steering
     offset `braking`.
@@ -76,14 +79,16 @@ class BrakesFor(Item):
 
 
 WIDEST_LINE_M = 5.0
-"""Largest lateral offset of a `line`, m. Ours: more than a lane's width beside the lane is another lane."""
+"""Largest lateral offset of a `line`, m. Ours: an actor that is more than a lane's width beside its lane is on another
+lane."""
 
 
 class ChangesLine(Item):
-    """`cutter changes line to 0.8 m over 2 s`: from now on it keeps this distance to the left of its lane's middle
-    (negative: right), as the statement `line` does from the beginning.
+    """`cutter changes line to 0.8 m over 2 s`: from now on the actor keeps this distance to the left of its lane's
+    middle (negative: right), as the statement `line` does from the beginning.
 
-    It moves over linearly in the given time, or at 1 m/s without a time; never faster than a quarter of its speed.
+    It moves over linearly in the given time, or at 1 m/s without a time; its lateral speed is never more than a quarter
+    of its speed.
     """
 
     pattern = "{actor} changes line to {to} [over {over}]"
@@ -94,37 +99,44 @@ class ChangesLine(Item):
 
 
 class KeepsBeside(Item):
-    """`cutter keeps 1.2 m left of ego for 4 s`: it keeps this lateral gap between the two footprints, measured across
-    its lane; it stays within 5 m of its lane's middle. Afterwards it keeps the lateral position that it has then."""
+    """`cutter keeps 1.2 m left of ego for 4 s`: the actor keeps this lateral gap between the two footprints, measured
+    across its lane.
+
+    It stays within 5 m of its lane's middle. Afterwards it keeps the lateral position that it has then.
+    """
 
     pattern = "{actor} keeps {room} {side} of {other} [for {duration}]"
-    words = "keeps (action): so much room to the side of another actor | cutter keeps 1.2 m left of ego for 4 s"
+    words = """
+        keeps (action): an actor keeps this lateral gap to the side of another actor
+            | cutter keeps 1.2 m left of ego for 4 s
+    """
 
     actor: v.ActorName
-    room: Annotated[v.Length, Bounds(-20.0, 20.0)]  # ours: six lanes; negative: they overlap across the lane
+    # Ours: up to six lanes; a negative gap lets them overlap across the lane.
+    room: Annotated[v.Length, Bounds(-20.0, 20.0)]
     side: Literal["left", "right"] | v.Ref
     other: v.ActorName
     duration: v.Time | None = None
 
 
 class FollowsPath(Item):
-    """`cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]`: leaves its lane (or its path) and follows a
-    polyline from its position, without reacting to others; at its end it drives on in traffic along these edges, or
-    stays there.
+    """`cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]`: the actor leaves its lane (or its path) and
+    follows a polyline from its position, without reacting to others; at its end it drives on in traffic along these
+    edges, or stays there if none are named.
 
     Between edges that do not touch it takes the shortest route. Only vehicles and bicycles join.
     """
 
     pattern = "{actor} follows {points} [then joins {edges}]"
     words = """
-        joins (action): drives on in the traffic of these edges from the end of a path
+        joins (action): an actor drives on in the traffic of these edges when its path ends
             | cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]
     """
 
     actor: v.ActorName
     points: Annotated[tuple[v.Place, ...], Field(min_length=1)]
     edges: tuple[v.RoadId, ...] = ()
-    """Empty: it stays at the path's end."""
+    """Edges on which it drives on; empty if it stays at the path's end."""
 
 
 class Joins(Item):
@@ -137,18 +149,18 @@ class Joins(Item):
 
 
 class KeepsGap(Item):
-    """`lead follows ego gap 1.5 s`, `lead follows ego gap 20 m for 8 s`, `lead leads ego gap 20 m`: its speed is
-    controlled so that this gap stays between the two, from bumper to bumper along its own route. A gap in seconds is a
-    length at the speed of the actor behind.
+    """`lead follows ego gap 1.5 s`, `lead follows ego gap 20 m for 8 s`, `lead leads ego gap 20 m`: the actor controls
+    its speed so that it keeps this gap, from bumper to bumper along its own route. A gap in seconds becomes a length by
+    the speed of the actor behind.
 
     The model's limits apply. It keeps the gap as written, even if that is too small to be safe.
     """
 
     pattern = "{actor} {way} {other} gap {gap} [for {duration}]"
     words = """
-        follows (action): keeps a gap behind another actor | lead follows ego gap 1.5 s
-        leads (action): keeps a gap ahead of another actor | lead leads ego gap 20 m
-        gap (link): how far behind or ahead: a time or a length | lead follows ego gap 1.5 s
+        follows (action): an actor keeps a gap behind another actor | lead follows ego gap 1.5 s
+        leads (action): an actor keeps a gap ahead of another actor | lead leads ego gap 20 m
+        gap (link): before the gap to another actor: a time or a length | lead follows ego gap 1.5 s
     """
 
     actor: v.ActorName
@@ -159,19 +171,21 @@ class KeepsGap(Item):
 
     @property
     def gap_is_time(self) -> bool:
-        """Whether the gap is a time. For a parameter, the dimension of its value decides."""
+        """True if the gap is a time. For a parameter, the dimension of its value decides."""
         return isinstance(self.gap, v.Quantity) and self.gap.dimension == "time"
 
 
 class MatchesSpeed(Item):
-    """`lead matches ego plus 2 m/s`, `lead matches ego times 0.8 for 4 s`: its speed is the other's present speed times
-    a factor plus a difference (`plus -2 m/s`: less); the model's limits apply."""
+    """`lead matches ego plus 2 m/s`, `lead matches ego times 0.8 for 4 s`: the actor's speed is the other's present
+    speed times a factor plus a difference (`plus -2 m/s`: slower); the model's limits apply."""
 
     pattern = "{actor} matches {other} [times {factor}] [plus {more}] [for {duration}]"
     words = """
-        matches (action): has another actor's speed at each moment | lead matches ego times 0.9 plus 2 m/s
-        times (link): a multiple of the other's speed | lead matches ego times 0.9
-        plus (link): added to the other's speed; negative: less | lead matches ego plus 2 m/s
+        matches (action): an actor takes the speed of another actor at each moment
+            | lead matches ego times 0.9 plus 2 m/s
+        times (link): before a factor by which the other actor's speed is multiplied | lead matches ego times 0.9
+        plus (link): before a speed that is added to the other actor's speed; a negative one makes the actor slower
+            | lead matches ego plus 2 m/s
     """
 
     actor: v.ActorName
@@ -182,38 +196,38 @@ class MatchesSpeed(Item):
 
 
 class Reverses(Item):
-    """`van reverses 6 m at 5 km/h`: brakes to a stand, drives this distance backwards along its lane, then drives on as
-    before."""
+    """`van reverses 6 m at 5 km/h`: the actor brakes until it stands, drives this distance backwards along its lane,
+    then drives on as before."""
 
     pattern = "{actor} reverses {length} at {speed}"
-    words = "reverses (action): drives backwards along its lane | van reverses 6 m at 5 km/h"
+    words = "reverses (action): an actor drives backwards along its lane | van reverses 6 m at 5 km/h"
 
     actor: v.ActorName
     length: Annotated[v.Length, Bounds(0.1, 100.0)]  # ours: drivers do not reverse farther
-    speed: Annotated[v.Speed, Bounds(0.1, 10.0)]  # ours: reverse gears end at about 35 km/h
+    speed: Annotated[v.Speed, Bounds(0.1, 10.0)]  # ours: the top speed in reverse gear is about 35 km/h
 
 
 class Leaves(Item):
     """`lead leaves`: from now on the actor is absent."""
 
     pattern = "{actor} leaves"
-    words = "leaves (action): an actor is gone from now on | lead leaves"
+    words = "leaves (action): an actor is absent from now on | lead leaves"
 
     actor: v.ActorName
 
 
 class Synchronises(Item):
-    """`cutter synchronises at 5 m before j4 on cutter.route with ego at 10 m before j4 on ego.route speed 8 m/s`: its
-    speed is controlled so that its front reaches its place when the other's front reaches the other place; the model's
-    limits apply.
+    """`cutter synchronises at 5 m before j4 on cutter.route with ego at 10 m before j4 on ego.route speed 8 m/s`: the
+    actor controls its speed so that its front reaches its place when the other's front reaches the other place; the
+    model's limits apply.
 
-    The other's speed is taken as at least 3 m/s. With a `speed` it has that speed at its place and keeps it afterwards;
-    without one it drives on as before.
+    The prediction assumes that the other drives at 3 m/s or more. With a `speed`, the actor has that speed at its place
+    and keeps it afterwards; without one it drives on as before.
     """
 
     pattern = "{actor} synchronises at {place} with {other} at {there} [speed {speed}]"
     words = """
-        synchronises (action): is at a place when another actor is at another one
+        synchronises (action): an actor reaches a place when another actor reaches its own place
             | cutter synchronises at (10 m, 2 m) with ego at (12 m, 5 m)
     """
 
@@ -231,9 +245,9 @@ class Door(Item):
 
     pattern = "door of {actor} {what} [{side}]"
     words = """
-        door (action): the front door of a car, van or truck, on its left or right | door of van opens left
-        opens (action): a door stands out to the side | door of van opens left
-        closes (action): an open door is shut | door of van closes left
+        door (action): the front door of a car, van or truck, on its left or right side | door of van opens left
+        opens (action): the door opens and extends sideways | door of van opens left
+        closes (action): the open door closes | door of van closes left
     """
 
     actor: v.ActorName

@@ -1,4 +1,4 @@
-"""Traffic participants: the ego, actors of every kind, background traffic; and their actions."""
+"""Traffic participants: the ego, actors of every kind and background traffic, with their statements and actions."""
 
 from typing import Annotated, Literal
 
@@ -32,9 +32,9 @@ class Leg(Phrase, kind=""):
 
     pattern = "{turn} over {junction}"
     words = """
-        straight (constant): a turn: straight on | straight over j4
-        left (constant): a turn, or a side | left over j4
-        right (constant): a turn, or a side | right over j4
+        straight (constant): the turn straight on | straight over j4
+        left (constant): the turn to the left, or the left side | left over j4
+        right (constant): the turn to the right, or the right side | right over j4
     """
 
     turn: v.Turn | v.Ref
@@ -42,14 +42,17 @@ class Leg(Phrase, kind=""):
 
 
 class Route(Item):
-    """`route from south straight over j4 left over j5`: the road (or edge) where it starts, then a turn at each
+    """`route from south straight over j4 left over j5`: the road (or edge) where the actor starts, then a turn at each
     junction.
 
-    The road is entered in the direction of the first junction.
+    The actor drives on the first road towards the first junction.
     """
 
     pattern = "route from {start} [{legs: }]"
-    words = "route (statement): where an actor drives: a road and turns, or edges | route from south straight over j4"
+    words = """
+        route (statement): the way of an actor on the roads: a road and turns, or edges
+            | route from south straight over j4
+    """
 
     start: v.RoadId
     legs: tuple[Leg, ...]
@@ -63,18 +66,18 @@ class EdgeRoute(Item):
 
     edges: tuple[v.RoadId, ...] = Field(min_length=1)
     shortest: bool = False
-    """True when written with `...`: consecutive edges need not touch."""
+    """True if `...` is among the edges: the shortest way fills the gaps, so consecutive edges need not touch."""
 
     def own_pattern(self) -> str:
-        """Return the pattern with or without `...`; a single edge is followed by them."""
+        """Return the pattern, with `...` if the shortest way fills the gaps; for a single edge, `...` follows it."""
         if not self.shortest:
             return self.pattern
         return r"route \[{edges:, ..., }, ...]" if len(self.edges) == 1 else r"route \[{edges:, ..., }]"
 
 
 class Path(Item):
-    """`path [PLACE, PLACE]`: a polyline that the actor follows off SUMO's lanes (a pedestrian's crossing, a
-    cyclist's cut)."""
+    """`path [PLACE, PLACE]`: a polyline that the actor follows off SUMO's lanes, such as a pedestrian who crosses or a
+    cyclist who cuts a corner."""
 
     pattern = "path {points}"
     words = "path (statement): a line off the lanes that an actor follows | path [(90 m, 10 m), (90 m, 30 m)]"
@@ -103,19 +106,19 @@ AnyPath = Path | PathAlong
 
 
 class StartAt(Item):
-    """`start at PLACE`: place of the actor's front (of a pedestrian's or obstacle's middle) at the beginning; or `start
-    at market`: at the end of that bus stop and in its lane."""
+    """`start at PLACE`: the place of the actor's front at the beginning, or of a pedestrian's or obstacle's middle; or
+    `start at market`: at the end of that bus stop and in its lane."""
 
     pattern = "start at {place}"
     words = """
-        start (statement): where an actor's front is at the beginning, or how fast it is | start at 20 m along ego.route
+        start (statement): the place of an actor's front, or its speed, at the beginning | start at 20 m along ego.route
     """
 
     place: v.StopOrPlace
 
 
 class StartSpeed(Item):
-    """`start speed 40 km/h`."""
+    """`start speed 40 km/h`: the actor's speed at the beginning."""
 
     pattern = "start speed {speed}"
 
@@ -123,10 +126,12 @@ class StartSpeed(Item):
 
 
 class CruiseSpeed(Item, kind="speed"):
-    """`speed 50 km/h`: its speed when nothing hinders it (default: the limit, or a walking pace)."""
+    """`speed 50 km/h`: the actor's speed if nothing hinders it (default: the speed limit, or a walking pace)."""
 
     pattern = "speed {speed}"
-    words = "speed (statement): how fast: an actor where nothing hinders it, or a road's limit | speed 50 km/h"
+    words = """
+        speed (statement): the speed of an actor that nothing hinders, or the speed limit of a road | speed 50 km/h
+    """
 
     speed: Annotated[v.Speed, Bounds(0.0)]
 
@@ -135,16 +140,19 @@ class GoalAt(Item, kind="goal"):
     """`goal PLACE`: the end of the ego's route (default: the end of the last edge)."""
 
     pattern = "goal {place}"
-    words = "goal (statement): where the ego's route ends | goal 40 m past j4 on ego.route"
+    words = "goal (statement): the place where the ego's route ends | goal 40 m past j4 on ego.route"
 
     place: v.Place
 
 
 class IgnoresRule(Item, kind="ignores"):
-    """`ignores signals at j4`, `ignores priority at j4`; everywhere when no junction is named."""
+    """`ignores signals at j4`, `ignores priority at j4`: the actor does not obey signals, or does not yield; without a
+    junction, everywhere."""
 
     pattern = "ignores {what} [at {junction}]"
-    words = "ignores (statement): signals or priority, everywhere or at one junction | ignores signals at j4"
+    words = """
+        ignores (statement): an actor ignores signals or priority, at one junction or everywhere | ignores signals at j4
+    """
 
     what: Literal["signals", "priority"]
     junction: v.JunctionId | None = None
@@ -155,8 +163,8 @@ class MeetsState(Item):
 
     pattern = "meets {other} at {junction} {order} {gap}"
     words = """
-        meets (statement): its speed is set so that it is at the junction's crossing point that much after the other,
-            or before | meets ego at j4 after 1.5 s
+        meets (statement): an actor sets its speed so that it reaches the point where the two routes cross this much
+            after or before another actor | meets ego at j4 after 1.5 s
     """
 
     other: v.ActorName
@@ -166,20 +174,27 @@ class MeetsState(Item):
 
 
 class Walked(Item):
-    """`moving 4.20 m along its path`: distance that a path-follower has already covered (written into clips)."""
+    """`moving 4.20 m along its path`: the distance that an actor on a path has already covered at the beginning; clips
+    contain it."""
 
     pattern = "moving {along}"
-    words = "moving (statement): how far along its path an actor is already | moving 2.60 m"
+    words = "moving (statement): the length of its path that an actor has already covered | moving 2.60 m"
 
     along: Annotated[v.Length, Bounds(0.0)]
 
 
 class Steers(Item):
     """`steers 0.12 from 4.00 s for 1.00 s`: a steering offset, -1 (right) to 1 (left) of the largest steering angle;
-    afterwards the actor recovers its lane. From the beginning, and to the end, when no times are given."""
+    afterwards the actor returns to its lane.
+
+    Without times the offset lasts from the beginning to the end.
+    """
 
     pattern = "steers {value} [from {start}] [for {duration}]"
-    words = "steers (statement): a steering offset, -1 (right) to 1 (left) | steers 0.12 from 1.00 s for 1.00 s"
+    words = """
+        steers (statement): an actor steers off its line by this share of the largest angle, from -1 (right) to 1 (left)
+            | steers 0.12 from 1.00 s for 1.00 s
+    """
 
     value: Annotated[v.Ratio, Bounds(-1.0, 1.0)]
     start: v.Time | None = None
@@ -187,39 +202,42 @@ class Steers(Item):
 
 
 class Timing(Item):
-    """`timing 0.80`: factor on its speed along its own path; it still stops where it must.
+    """`timing 0.80`: a factor on the actor's speed along its own path; it still stops where it must.
 
-    It scales the speed at the beginning, the cruise speed and the target speeds of triggers. With a factor other than 1
-    an actor no longer adapts to the other actor that it `meets`, because that would cancel the factor: its speed for
-    the meeting at the first moment, times the factor, becomes its cruise speed for good.
+    It scales the speed at the beginning, the cruise speed and the target speeds of triggers. An actor with a factor
+    other than 1 no longer adapts to the other actor that it `meets`, because that would cancel the factor: the speed
+    for the meeting that is computed at the first moment, times the factor, becomes its cruise speed until the end.
     """
 
     pattern = "timing {factor}"
-    words = "timing (statement): its speed along its own way, as a ratio | timing 0.90"
+    words = "timing (statement): a factor for an actor's speed along its own way | timing 0.90"
 
     factor: Annotated[v.Ratio, Bounds(0.01, 10.0)]  # ours: the operator's own range is 0.6 to 1.4
 
 
 class Delay(Item):
-    """`delay 0.50 s`: it moves off this much later (an actor that waits for a trigger: this long after the trigger)."""
+    """`delay 0.50 s`: the actor moves off this much later; an actor that waits for a trigger moves off this long after
+    the trigger."""
 
     pattern = "delay {time}"
-    words = "delay (statement): an actor moves off that much later | delay 0.5 s"
+    words = "delay (statement): an actor moves off this much later | delay 0.5 s"
 
     time: Annotated[v.Time, Bounds(0.0)]
 
 
 class Line(Item):
-    """`line 0.60 m`: it keeps this distance to the left of its own path, or of the middle of its lane (negative:
+    """`line 0.60 m`: the actor keeps this distance to the left of its own path, or of the middle of its lane (negative:
     right).
 
-    On a path it moves there from its start in a straight line, over the first 5 m of the path (or the rest of a shorter
+    On a path it moves over in a straight line, along the first 5 m of the path from its start (or the rest of a shorter
     path). On a lane it moves over as in a lane change. Its speed along its route does not change. On a lane, `line 0.60
     m from 2.00 s for 3.00 s` limits the time; afterwards the actor returns to the middle.
     """
 
     pattern = "line {left} [from {start}] [for {duration}]"
-    words = "line (statement): how far an actor keeps to the left of its path or its lane's middle | line 0.60 m"
+    words = """
+        line (statement): the distance that an actor keeps to the left of its path or of its lane's middle | line 0.60 m
+    """
 
     left: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
     start: v.Time | None = None
@@ -227,15 +245,17 @@ class Line(Item):
 
 
 class Brakes(Item):
-    """`brakes 4.00 m/s^2 from 2.00 s for 1.50 s`: it brakes with this deceleration during this time, then drives or
-    walks on as before; an actor that stops earlier stands until the time is over.
+    """`brakes 4.00 m/s^2 from 2.00 s for 1.50 s`: the actor brakes with this deceleration during this time, then drives
+    or walks on as before; an actor that stops earlier stands until the time is over.
 
     Without times it brakes from the beginning to the end. It brakes harder if traffic requires that. During the time it
-    ignores what triggers order about its speed.
+    ignores the speeds that triggers order.
     """
 
     pattern = "brakes {braking} [from {start}] [for {duration}]"
-    words = "brakes (statement): an actor brakes for a time | brakes 4.00 m/s^2 from 2.00 s for 1.50 s"
+    words = """
+        brakes (statement): an actor brakes with this deceleration for a time | brakes 4.00 m/s^2 from 2.00 s for 1.50 s
+    """
 
     braking: Annotated[v.Acceleration, Bounds(0.0, HARDEST_MPS2)]
     start: v.Time | None = None
@@ -252,7 +272,7 @@ class PassesInLane(Item):
 
     pattern = "passes in lane"
     words = """
-        passes (statement): an actor goes past vehicles within its lane; of an expected result: without a failure
+        passes (statement): an actor passes vehicles within its lane; in an expected result, the run passes
             | passes in lane
     """
 
@@ -284,32 +304,34 @@ class State(Phrase, kind=""):
 
     pattern = "at {at} heading {heading} speed {speed} [acceleration {acceleration}] [steer {steer}]"
     words = """
-        heading (setting): an actor's direction, counter-clockwise from east | at (1 m, 2 m) heading 90 deg speed 8 m/s
-        steer (setting): the angle of the front wheels in a state; of a mutant: a steering offset | steer 2.0 deg
+        heading (setting): the direction of an actor, counter-clockwise from east
+            | at (1 m, 2 m) heading 90 deg speed 8 m/s
+        steer (setting): the angle of an actor's front wheels; in a mutant, a steering offset | steer 2.0 deg
     """
 
     at: v.Point
     heading: v.Angle
     speed: Annotated[v.Speed, Bounds(-10.0)]
-    """Negative while it reverses (in clips)."""
+    """Its speed; in clips, negative while it reverses."""
     acceleration: v.Acceleration | None = None
     steer: v.Angle | None = None
 
 
 class Recorded(Item):
-    """`recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s`: state of the ego at this time after the beginning.
+    """`recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s`: a state of the ego at this time after the
+    beginning; clips contain such states.
 
-    The ego follows its recorded states to the last of them, whatever its driver answers; then the driver takes over. In
-    this time a driver with a memory sees the scene before its answers count (written into clips).
+    The ego follows its recorded states to the last of them, whatever its driver answers; then the driver takes over. So
+    a driver with a memory sees the scene for a while before its answers count.
     """
 
     pattern = "recorded {time} {state}"
     words = """
-        recorded (statement): where the ego was that much after a clip's beginning: it follows these states first,
-            then its driver | recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s
+        recorded (statement): a state of the ego at this time after the beginning of a clip; the ego follows these
+            states before its driver takes over | recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s
     """
 
-    time: Annotated[v.Time, Bounds(0.05, 10.0)]  # one step of the simulation, to a whole clip
+    time: Annotated[v.Time, Bounds(0.05, 10.0)]  # from one step of the simulation to a whole clip
     state: State
 
 
@@ -342,7 +364,7 @@ class Ego(Item):
     """`ego: car.sedan { ... }`: the vehicle that the driver under test drives."""
 
     pattern = "ego: {model} [{state}] [{ ...body }]"
-    words = "ego (statement): the vehicle of the driver under test | ego: car.sedan { ... }"
+    words = "ego (statement): the vehicle that the driver under test drives | ego: car.sedan { ... }"
 
     model: v.ModelName | v.Ref
     state: State | None = None
@@ -362,10 +384,10 @@ class Actor(Item):
 
     pattern = "{kind} {name}: {model} [{state}] [{ ...body }]"
     words = """
-        vehicle (statement): an actor: car, van, truck, bus or motorcycle | vehicle runner: car.compact { ... }
+        vehicle (statement): an actor that is a car, van, truck, bus or motorcycle | vehicle runner: car.compact { ... }
         bicycle (statement): an actor that rides a bicycle | bicycle cyclist: bicycle.city { ... }
-        pedestrian (statement): an actor on foot | pedestrian walker: pedestrian.adult { ... }
-        obstacle (statement): a thing that does not move | obstacle box: obstacle.crate { ... }
+        pedestrian (statement): an actor that walks | pedestrian walker: pedestrian.adult { ... }
+        obstacle (statement): an actor that never moves | obstacle box: obstacle.crate { ... }
     """
 
     kind: Literal["vehicle", "bicycle", "pedestrian", "obstacle"]
@@ -384,12 +406,11 @@ class Traffic(Item):
 
     pattern = "traffic {name} { count; models; within {within} of ego.route; seed }"
     words = """
-        traffic (statement): background actors, drawn from a seed
+        traffic (statement): background actors that are drawn from a seed
             | traffic others { count 16; models [car.compact]; within 120 m of ego.route; seed 7 }
-        count (statement): how many background actors | count 16
-        within (statement): at most that far, or by that time: of traffic, of a condition, of an expectation
-            | within 120 m of ego.route
-        seed (statement): where the draw begins; the same seed draws the same | seed 7
+        count (statement): the number of background actors | count 16
+        within (statement): at most this far away, or at the latest by this time | within 120 m of ego.route
+        seed (statement): the number that determines a draw; the same seed draws the same values | seed 7
     """
 
     name: Annotated[v.Name, Names("actor", defines=True)]
@@ -400,11 +421,11 @@ class Traffic(Item):
 
 
 class Meets(Item):
-    """`runner meets ego at j4 after gap`: from now on its speed is controlled so that it reaches the point where the
-    two routes cross in the junction this much after (or before) the other; within its model's limits, and never above
-    1.3 times its cruise speed.
+    """`runner meets ego at j4 after gap`: from now on the actor controls its speed so that it reaches the point where
+    the two routes cross in the junction this much after (or before) the other.
 
-    The other's speed is taken as at least 3 m/s, so that two actors do not wait for each other.
+    Its model's limits apply, and its speed is never above 1.3 times its cruise speed. The prediction assumes that the
+    other drives at 3 m/s or more, so that two actors do not wait for each other.
     """
 
     pattern = "{actor} meets {other} at {junction} {order} {gap}"
@@ -417,7 +438,8 @@ class Meets(Item):
 
 
 class Ignores(Item, kind="does_ignore"):
-    """`runner ignores signals at j4`, `runner ignores priority at j4`."""
+    """`runner ignores signals at j4`, `runner ignores priority at j4`: from now on the actor does not obey signals, or
+    does not yield; without a junction, everywhere."""
 
     pattern = "{actor} ignores {what} [at {junction}]"
 
@@ -427,8 +449,8 @@ class Ignores(Item, kind="does_ignore"):
 
 
 class Starts(Item):
-    """`walker starts`: the actor moves off. An actor with such a trigger stands until then, or until it is ordered a
-    speed."""
+    """`walker starts`: the actor moves off. An actor that such a trigger names stands until then, or until another
+    trigger orders a speed."""
 
     pattern = "{actor} starts"
     words = "starts (action): an actor that waited moves off | walker starts"
@@ -437,11 +459,11 @@ class Starts(Item):
 
 
 class ChangesSpeed(Item):
-    """`lead changes speed to 3 m/s over 2 s`: the speed changes linearly over the time; without a time, at its model's
-    limits."""
+    """`lead changes speed to 3 m/s over 2 s`: the actor's speed changes linearly over the time; without a time, as fast
+    as its model allows."""
 
     pattern = "{actor} changes speed to {to} [over {over}]"
-    words = "changes (action): its speed or its lane | lead changes speed to 3 m/s over 2 s"
+    words = "changes (action): an actor changes its speed or its lane | lead changes speed to 3 m/s over 2 s"
 
     actor: v.ActorName
     to: v.Speed
@@ -449,20 +471,20 @@ class ChangesSpeed(Item):
 
 
 class ChangesLane(Item):
-    """`cutter changes lane left`."""
+    """`cutter changes lane left`: the actor moves to the lane on its left or right."""
 
     pattern = "{actor} changes lane {side}"
-    words = "lane (action): to the left or right neighbour | cutter changes lane left"
+    words = "lane (action): the lane to the left or right of an actor's lane | cutter changes lane left"
 
     actor: v.ActorName
     side: Literal["left", "right"] | v.Ref
 
 
 class Stops(Item):
-    """`lead stops`, `lead stops for 4 s`: with comfortable braking."""
+    """`lead stops`, `lead stops for 4 s`: the actor brakes comfortably and stands, for good or for the time."""
 
     pattern = "{actor} stops [for {duration}]"
-    words = "stops (action): brakes and stands, for good or for a time | lead stops for 4 s"
+    words = "stops (action): an actor brakes and stands, for good or for a time | lead stops for 4 s"
 
     actor: v.ActorName
     duration: v.Time | None = None
@@ -472,27 +494,26 @@ class Wait(Item):
     """`wait 2 s`: delays the next `then` by this time."""
 
     pattern = "wait {duration}"
-    words = "wait (action): nothing happens for that time | wait 2 s"
+    words = "wait (action): the next step begins this much later | wait 2 s"
 
     duration: v.Time
 
 
 class Then(Item):
-    """`then { ... }`: what happens once every action before it in the same block is complete; `then when CONDITION
-    { ... }`: and, from then on, once the condition holds.
+    """`then { ... }`: actions that begin once every action before them in the same block is complete; `then when
+    CONDITION { ... }`: actions that begin once, from that moment on, the condition holds.
 
-    Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
-    lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `brakes for`
-    after the time (`brakes` alone never), `meets` when it
-    is through the junction, `ignores`, `turns to`, `limit`, `door` and `leaves` at once, `changes line` when it is
-    there, `follows`, `matches` and `keeps` with a time when that is over, without one as soon as they have what they
-    keep, `synchronises` when it is at its place, `follows` with a path at the path's end, `reverses` when
-    it has. An actor that has left the
-    world holds nothing up.
+    An action is complete: `starts` when the actor moves off; `changes speed` when its speed or the time is reached;
+    `changes lane` when the actor is in the lane or cannot change to it; `stops for` when it drives again (`stops` alone
+    never); `brakes for` after the time (`brakes` alone never); `meets` when it is through the junction; `ignores`,
+    `turns to`, `limit`, `door` and `leaves` at once; `changes line` when it has reached the line; `follows`, `matches`
+    and `keeps` after their time, or without a time as soon as they have reached the gap or speed that they keep;
+    `synchronises` when it is at its place; `follows` with a path at the path's end; `reverses` when it has covered the
+    distance. Actions of an actor that has left the world count as complete.
     """
 
     pattern = "then [when {condition}] { ...actions }"
-    words = "then (action): what comes once every action before it is complete | then { walker starts }"
+    words = "then (action): actions that begin once every action before them is complete | then { walker starts }"
 
     condition: Condition | None = None
     actions: tuple["Action", ...] = Field(min_length=1)
@@ -525,19 +546,22 @@ Then.model_rebuild()
 
 
 class When(Item):
-    """`when ego.eta(j4) < 4 s { ... }`: the actions happen, all at once, the first time that the condition holds.
+    """`when ego.eta(j4) < 4 s { ... }`: the actions all begin the first time that the condition holds.
 
     `when every CONDITION` fires each time that the condition becomes true (it may be at the first frame); `when next`
     does the same but not before the condition has been false once (in clips, for a trigger that has just fired). A name
-    before the condition, `when late: ...`, is what `extends` and messages call it by.
+    before the condition, as in `when late: ...`, is what `extends` and messages call the trigger.
     """
 
     pattern = "when [{repeat}] [{name}:] {condition} { ...actions }"
     words = """
-        when (statement): a trigger: actions for when a condition holds | when ego.eta(j4) < 4 s { runner stops }
-        once (condition): the trigger fires the first time only (the default) | when once time > 1 s
+        when (statement): a trigger: actions that happen when its condition holds
+            | when ego.eta(j4) < 4 s { runner stops }
+        once (condition): the trigger fires only the first time that its condition holds; this is the default
+            | when once time > 1 s
         every (condition): the trigger fires each time that its condition becomes true | when every ttc(ego, lead) < 2 s
-        next (condition): as `every`, but not before the condition has been false once | when next ttc(ego, lead) < 2 s
+        next (condition): like `every`, but the trigger does not fire before the condition has been false once
+            | when next ttc(ego, lead) < 2 s
     """
 
     repeat: Literal["once", "every", "next"] | None = None

@@ -16,17 +16,18 @@ _Around = Annotated[_Time, Bounds(*AROUND_S)]
 
 
 class Seeds(Item):
-    """`seeds "scenarios/**"`: test cases, by file, folder, pattern or address (`"runner.foresee::r01"`), from the
-    campaign's folder; one statement for each."""
+    """`seeds "scenarios/**"`: the test cases of a campaign, by file, folder, pattern or address
+    (`"runner.foresee::r01"`), from the campaign's folder; a campaign may have several such statements."""
 
     pattern = "seeds {path}"
-    words = 'seeds (statement): test cases of a campaign: a file, folder, pattern or address | seeds "scenarios/**"'
+    words = 'seeds (statement): the test cases of a campaign: a file, folder, pattern or address | seeds "scenarios/**"'
 
     path: FilePath
 
 
 class Drivers(Item):
-    """`drivers [pdm, "external:python3 mine.py"]`: each is tested in every step (default: pdm)."""
+    """`drivers [pdm, "external:python3 mine.py"]`: the drivers under test, each of which is tested in every step
+    (default: pdm)."""
 
     pattern = "drivers {names}"
     words = "drivers (statement): the drivers that a campaign tests | drivers [pdm, idm]"
@@ -35,20 +36,21 @@ class Drivers(Item):
 
 
 class Rankers(Item):
-    """`rankers [foresee, proximity]`: each picks its risky points, which are clipped (default: foresee)."""
+    """`rankers [foresee, proximity]`: the rankers, each of which chooses the risky points that are clipped (default:
+    foresee)."""
 
     pattern = "rankers {names}"
-    words = "rankers (statement): what picks the risky points of a campaign | rankers [foresee]"
+    words = "rankers (statement): the methods that choose the risky points of a campaign | rankers [foresee]"
 
     names: tuple[Id, ...] = Field(min_length=1)
 
 
 class Against(Item):
     """`against [idm, "pdm+ideal"]`: the reference drivers, which drive every failure too; `against [none]`: no
-    driver."""
+    reference driver."""
 
     pattern = "against {names}"
-    words = "against (statement): other drivers, which drive every failure of a campaign too | against [idm]"
+    words = "against (statement): reference drivers, which drive every failure of a campaign too | against [idm]"
 
     names: tuple[Id, ...] = Field(min_length=1)
 
@@ -57,7 +59,7 @@ class Preset(Item):
     """`preset focused`: how clips are mutated."""
 
     pattern = "preset {name}"
-    words = "preset (setting): how the clip was mutated | preset focused"
+    words = "preset (setting): the settings by which clips are mutated | preset focused"
 
     name: Name
 
@@ -75,7 +77,9 @@ class RiskyPoints(Item):
     """`risky_points 4`: maximum number of risky points per run."""
 
     pattern = "risky_points {count}"
-    words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
+    words = """
+        risky_points (statement): the maximum number of risky points per run of which clips are cut | risky_points 4
+    """
 
     count: Annotated[_Count, Bounds(*RISKY_POINTS)]
 
@@ -84,7 +88,7 @@ class Children(Item):
     """`children 4`: number of mutants per clip."""
 
     pattern = "children {count}"
-    words = "children (statement): how many mutants a clip gets | children 4"
+    words = "children (statement): the number of mutants per clip | children 4"
 
     count: Annotated[_Count, Bounds(*CHILDREN)]
 
@@ -93,19 +97,19 @@ class Repeat(Item):
     """`repeat 3`: how many times each clip is mutated, each time with the next seed."""
 
     pattern = "repeat {times}"
-    words = "repeat (statement): how often clips are mutated, each time with the next seed | repeat 3"
+    words = "repeat (statement): how many times each clip is mutated, each time with the next seed | repeat 3"
 
     times: Annotated[_Count, Bounds(*REPEAT)]
 
 
 class Allocation(Item):
-    """`allocation adaptive`: clips whose mutants failed more often get more mutants; `even`: all clips get equally
-    many."""
+    """`allocation adaptive`: clips whose mutants failed more often get more mutants; `allocation even`: all clips get
+    the same number."""
 
     pattern = "allocation {how}"
     words = """
-        allocation (statement): how a campaign distributes mutants over the clips | allocation adaptive
-        even (constant): all clips get equally many mutants | allocation even
+        allocation (statement): how a campaign distributes the mutants over the clips | allocation adaptive
+        even (constant): all clips get the same number of mutants | allocation even
         adaptive (constant): clips whose mutants failed more often get more mutants | allocation adaptive
     """
 
@@ -124,7 +128,7 @@ class Budget(Item):
     """`budget 30 min`: no new run begins later than this after the start."""
 
     pattern = "budget {time}"
-    words = "budget (statement): no new run of a campaign begins later than that | budget 30 min"
+    words = "budget (statement): no new run of a campaign begins later than this after its start | budget 30 min"
 
     time: Annotated[_Time, Bounds(1.0)]
 
@@ -152,7 +156,10 @@ class Campaign(Item):
     FILE` runs."""
 
     pattern = "campaign {name} { ...body }"
-    words = "campaign (definition): which test cases are run, clipped and mutated, and how | campaign nightly { ... }"
+    words = """
+        campaign (definition): a campaign: which test cases are run, clipped and mutated, and how
+            | campaign nightly { ... }
+    """
 
     name: Name
     body: tuple[CampaignItem, ...]

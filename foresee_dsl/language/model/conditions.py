@@ -1,4 +1,4 @@
-"""Conditions of triggers, expectations and requirements."""
+"""Conditions of triggers, expectations and requirements, and the measures that they compare."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -32,46 +32,46 @@ MEASURED: Mapping[str, Dimension] = MappingProxyType(
 )
 """The dimension of each measure in a condition."""
 BETWEEN_ACTORS = ("ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed")
-"""Measures between two actors, which never take a junction."""
+"""Measures between two actors; the second name is never a junction."""
 
 
 class Measure(Phrase):
-    """A number that is measured during the run.
+    """A number that is measured during the run, by its words.
 
-    `time` (s since the start), `ego.speed` (m/s), `ego.acceleration` (m/s^2, along its heading), `ego.eta(j4)` (s until
-    the actor, at its speed and not under 1 m/s, enters the junction along its route; infinite when it has passed),
-    `distance(a, b)` (m between footprints, or from `a` along its route to where it enters junction `b`), `ttc(a, b)`
-    (s, constant velocities, footprints; infinite when they do not meet), `headway(a, b)` (s that `a` needs at its
-    speed, not under 1 m/s, for the distance between the two footprints).
+    `time`: s since the start. `ego.speed`: m/s. `ego.acceleration`: m/s^2, along its heading. `ego.eta(j4)`: s until
+    the actor enters the junction along its route, at its speed but at least 1 m/s; infinite once it has passed.
+    `distance(a, b)`: m between footprints, or from `a` along its route to where it enters junction `b`. `ttc(a, b)`: s
+    until the footprints touch if both keep their velocities; infinite if they do not. `headway(a, b)`: s that `a` needs
+    for the distance between the two footprints at its speed, but at least 1 m/s.
 
-    `ego.offset` (m from the middle of the lane that its middle is in, left positive), and along the way of `a` (its
-    route, its path, or straight on): `lateral(a, b)` (m to the side between the footprints, 0 where they overlap
-    sideways), `overlap(a, b)` (m over which the footprints are side by side; negative: the gap), `ttc_along(a, b)`
-    (s until the footprints are side by side when both keep their speeds along that way; 0 where they are, infinite
-    where the gap between them does not close), `relative_speed(a, b)` (m/s, how much faster `a` goes along its heading
-    than `b` does in that direction).
+    `ego.offset`: m from the middle of the lane that contains its middle, left positive. The others refer to the way of
+    `a`: its route, its path, or straight on. `lateral(a, b)`: m to the side between the footprints, 0 if they overlap
+    sideways. `overlap(a, b)`: m over which the footprints are side by side; a negative value is the gap. `ttc_along(a,
+    b)`: s until the footprints are side by side if both keep their speeds along that way; 0 if they are, infinite if
+    the gap does not close. `relative_speed(a, b)`: m/s by which `a` is faster than `b` along the heading of `a`.
 
     `ttc_along` is the longitudinal time to collision of ASAM OpenSCENARIO XML 1.3 (`TimeToCollisionCondition` with
     `freespace`, `relativeDistanceType="longitudinal"`): the distance along the road divided by the speed at which it
-    becomes smaller, accelerations left out. UN R157's cut-ins begin at such a time, in another lane.
+    becomes smaller, without accelerations. UN R157's cut-ins begin at such a time, in another lane.
     """
 
     words = """
-        time (condition): seconds since the start | when time > 5 s { walker starts }
-        distance (condition): metres between two footprints, or along the route to a junction
+        time (condition): the time since the start, in seconds | when time > 5 s { walker starts }
+        distance (condition): the distance between two footprints, or along the route to a junction, in metres
             | distance(ego, lead) < 10 m
-        ttc (condition): seconds until two footprints touch when both keep heading and speed | ttc(ego, lead) < 3 s
-        ttc_along (condition): seconds until two footprints are side by side along the way of the first, when both keep
-            their speeds, in whichever lanes | ttc_along(ego, van) < 3 s
-        headway (condition): seconds that the first needs at its speed for the gap to the other
+        ttc (condition): the time until two footprints touch if both keep heading and speed, in seconds
+            | ttc(ego, lead) < 3 s
+        ttc_along (condition): the time until two footprints are side by side along the way of the first if both keep
+            their speeds, in seconds | ttc_along(ego, van) < 3 s
+        headway (condition): the time that the first actor needs at its speed for the gap to the other, in seconds
             | headway(ego, lead) < 2 s
-        eta (constant): seconds until an actor enters a junction | ego.eta(j4) < 4 s
-        lateral (condition): metres to the side between two footprints, across the way of the first
+        eta (constant): the time until an actor enters a junction, in seconds | ego.eta(j4) < 4 s
+        lateral (condition): the lateral distance between two footprints, across the way of the first, in metres
             | lateral(ego, cyclist) < 1 m
-        overlap (condition): metres over which two footprints are side by side; negative: the gap along the way of the
-            first | overlap(ego, lorry) > 0 m
-        relative_speed (condition): how much faster the first goes than the other, along the first one's heading
-            | relative_speed(ego, lead) > 3 m/s
+        overlap (condition): the length over which two footprints are side by side, in metres; a negative one is the gap
+            along the way of the first | overlap(ego, lorry) > 0 m
+        relative_speed (condition): how much faster the first actor is than the other, along the heading of the first,
+            in m/s | relative_speed(ego, lead) > 3 m/s
     """
 
     what: Literal[
@@ -80,7 +80,7 @@ class Measure(Phrase):
     ]  # fmt: skip
     actor: v.ActorName | None = None
     other: Annotated[v.Id | v.Ref, Names("thing")] | None = None
-    """The second actor or the junction."""
+    """The second actor, or the junction; None for a measure of one actor."""
 
     def own_pattern(self) -> str:
         """Return the pattern of this measure, such as `{actor}.speed` or `distance({actor}, {other})`."""
@@ -96,7 +96,8 @@ class Measure(Phrase):
 
 
 class Comparison(Phrase):
-    """`ego.eta(j4) < 4 s`; in a `require`, both sides are values: `gap + 0.5 s < 2 * other`."""
+    """`ego.eta(j4) < 4 s`: a comparison of a measure with a value; in a `require`, both sides are values: `gap + 0.5 s
+    < 2 * other`."""
 
     pattern = "{left} {op} {right}"
     in_brackets_of = (("left", ("negative",)),)  # or `within 3 s -1 m < a.offset` would be a difference
@@ -107,17 +108,17 @@ class Comparison(Phrase):
 
 
 class Equals(Phrase):
-    """`approach is south`, in a `require`: a parameter that holds a word."""
+    """`approach is south`, in a `require`: the parameter, which holds a word, has this value."""
 
     pattern = "{left} is {right}"
-    words = "is (condition): a parameter has that value, or a signal shows that | ego.signal(j4) is red"
+    words = "is (condition): the parameter has this value, or the signal shows this | ego.signal(j4) is red"
 
     left: Annotated[v.Ref, Names("parameter")]
     right: v.Word
 
 
 class Predicate(Phrase):
-    """`collision(ego)` (it touches anything), `arrived(ego)` (it has reached its goal)."""
+    """`collision(ego)`: the actor touches anything; `arrived(ego)`: it has reached its goal."""
 
     pattern = "{what}({actor})"
     words = """
@@ -199,18 +200,18 @@ class InSight(Phrase):
     side."""
 
     pattern = "{actor} in sight of {other}"
-    words = "sight (condition): nothing hides one actor from another | walker in sight of bus"
+    words = "sight (condition): nothing hides the first actor from the second | walker in sight of bus"
 
     actor: v.ActorName
     other: v.ActorName
 
 
 class RunsRed(Phrase):
-    """`ego runs red`, `ego runs red at j4`: its front passes the line of a junction at this frame, and the signal is
-    red for its way. A light that it could not stop for any more does not count."""
+    """`ego runs red`, `ego runs red at j4`: at this frame its front passes the line of a junction while the signal is
+    red for its way. A light at which it could no longer stop does not count."""
 
     pattern = "{actor} runs red [at {junction}]"
-    words = "runs (condition): an actor passes a red light at this moment | expect never ego runs red"
+    words = "runs (condition): the actor passes a red light at this moment | expect never ego runs red"
     never_bare = ("and", "or", "for")
 
     actor: v.ActorName
@@ -218,16 +219,18 @@ class RunsRed(Phrase):
 
 
 class YieldsAtCrossing(Phrase):
-    """`ego yields to walker at crossing`, `ego yields to walker at crossing of school`: at the frame at which a
-    pedestrian has passed the actor's way on a crossing, with the actor before it and within 30 m, it holds; at the
-    frame at which the actor has passed the crossing before the pedestrian, who goes first, it does not. At other frames
-    it cannot be evaluated, so `expect always` with it holds where neither happens."""
+    """`ego yields to walker at crossing`, `ego yields to walker at crossing of school`: at a frame at which a
+    pedestrian has passed the actor's way on a crossing, and the actor is before it within 30 m, the condition holds.
+
+    At a frame at which the actor has passed the crossing before a pedestrian with priority, it does not hold. At all
+    other frames it cannot be evaluated, so `expect always` with it holds if neither happens.
+    """
 
     pattern = "{actor} yields to {other} at crossing [of {junction}]"
     words = """
-        yields (condition): an actor lets another one pass that goes first
+        yields (condition): the actor lets another one pass that has priority
             | expect always ego yields to walker at crossing
-        crossing (condition): any pedestrian crossing on an actor's way
+        crossing (condition): any pedestrian crossing on the actor's way
             | expect always ego yields to walker at crossing
     """
     never_bare = ("and", "or", "for")
@@ -238,7 +241,7 @@ class YieldsAtCrossing(Phrase):
 
 
 class YieldsAt(Phrase):
-    """`ego yields to runner at j4`: as with a crossing, at a junction, to a vehicle with the right of way."""
+    """`ego yields to runner at j4`: as at a crossing, but at a junction and to a vehicle with the right of way."""
 
     pattern = "{actor} yields to {other} at {junction}"
 
@@ -276,8 +279,8 @@ class Shows(Phrase):
 
     pattern = "[{actor}.]signal({junction}) is {state}"
     words = """
-        amber (constant): what a signal shows | ego.signal(j4) is amber
-        red (constant): what a signal shows | ego.signal(j4) is red
+        amber (constant): the signal shows amber | ego.signal(j4) is amber
+        red (constant): the signal shows red | ego.signal(j4) is red
     """
 
     actor: v.ActorName | None = None
@@ -297,42 +300,42 @@ class Sustained(Phrase, kind="for"):
     pattern = "{condition} for {duration} [since {since}]"
     in_brackets = ("for", "not", "and", "or")
     words = """
-        since (link): since when what a `for` is about had held before the beginning
+        since (link): before the time since which the condition of a `for` had held when the run began
             | when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }
     """
 
     condition: "Condition"
     duration: v.Time
     since: Annotated[v.Time, Bounds(-1e9, 0.0)] | None = None
-    """0 s or earlier; without it, nothing is assumed about the time before the run."""
+    """A time of 0 s or earlier; without it, nothing is assumed about the time before the run."""
 
 
 class Not(Phrase):
-    """`not CONDITION`."""
+    """`not CONDITION`: the condition does not hold."""
 
     pattern = "not {condition}"
     in_brackets = ("and", "or")
-    words = "not (condition): it does not hold | not ego.speed < 3 m/s"
+    words = "not (condition): the condition does not hold | not ego.speed < 3 m/s"
 
     condition: "Condition"
 
 
 class Both(Phrase, kind="and"):
-    """`A and B and C`."""
+    """`A and B and C`: all parts hold."""
 
     pattern = "{conditions: and }"
     in_brackets = ("and", "or")
-    words = "and (condition): both hold; binds stronger than `or` | time > 1 s and ego.speed < 3 m/s"
+    words = "and (condition): both conditions hold; `and` binds stronger than `or` | time > 1 s and ego.speed < 3 m/s"
 
     conditions: tuple["Condition", ...] = Field(min_length=2)
 
 
 class Either(Phrase, kind="or"):
-    """`A or B or C`; binds weaker than `and`; brackets are allowed."""
+    """`A or B or C`: at least one part holds; binds weaker than `and`; brackets are allowed."""
 
     pattern = "{conditions: or }"
     in_brackets = ("or",)
-    words = "or (condition): one of them holds | time > 9 s or ego.speed < 3 m/s"
+    words = "or (condition): at least one of the conditions holds | time > 9 s or ego.speed < 3 m/s"
 
     conditions: tuple["Condition", ...] = Field(min_length=2)
 
@@ -387,5 +390,7 @@ TAKEN = frozenset(
         *("collision", "arrived", "signal"),
     )
 )
-"""Words that begin a condition or an action, or stand before one: the parser could not tell an actor or a label with
-such a name from them. A test compares the list with the grammar."""
+"""Words that begin a condition or an action, or stand before one.
+
+The parser could not tell an actor or a label with such a name from them. A test compares the list with the grammar.
+"""

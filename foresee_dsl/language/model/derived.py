@@ -1,4 +1,5 @@
-"""Files that build on another and state only the differences (extensions, clips, mutants); the targets of `change`.
+"""Files that build on another one and state only the differences (extensions, clips, mutants), and what `change` may
+name.
 
 The parser, the checks, the editor and `language.changes`, which applies a change, all read `PROPERTIES` and `OWNERS`.
 """
@@ -80,9 +81,9 @@ class Owner:
     """A target of `change` other than an actor.
 
     Attributes:
-        properties: the words behind the dot; empty if it is the name of a parameter or an expectation.
-        dimension: of their values; None if that depends on the name.
-        not_in_clips: why a mutant cannot change it, behind `a clip`; "" if it can.
+        properties: the words that may follow the dot; empty if the name of a parameter or an expectation follows it.
+        dimension: the dimension of the values; None if it depends on the name.
+        not_in_clips: the reason why a mutant cannot change it, to follow `a clip` in a message; "" if it can.
     """
 
     properties: tuple[str, ...] = ()
@@ -100,9 +101,11 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
             "steering is a share of the largest angle, from -1 (right) to 1 (left)",
             timed=True,
         ),
-        "timing": Property((a.Timing, "factor"), 1, lambda factor: factor > 0, "timing is a ratio over zero"),
-        "speed": Property((a.CruiseSpeed, "speed"), None, lambda v: v >= 0, "a speed is zero or more", for_ego=True),
-        "delay": Property((a.Delay, "time"), 0, lambda delay: delay >= 0, "a delay is zero or more"),
+        "timing": Property((a.Timing, "factor"), 1, lambda factor: factor > 0, "timing must be a factor above zero"),
+        "speed": Property(
+            (a.CruiseSpeed, "speed"), None, lambda v: v >= 0, "a speed must be zero or more", for_ego=True
+        ),
+        "delay": Property((a.Delay, "time"), 0, lambda delay: delay >= 0, "a delay must be zero or more"),
         "line": Property(
             (a.Line, "left"),
             0,
@@ -116,7 +119,10 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
         "ignores": Property((a.IgnoresRule, "what"), words=(NOTHING, "signals", "priority")),
         "style": Property((a.Style, "manner"), words=(USUAL, "takes_gap", "brakes_late", "creeps")),
         "moving": Property(
-            (a.Walked, "along"), None, lambda along: along >= 0, "how far it has come along its path is zero or more"
+            (a.Walked, "along"),
+            None,
+            lambda along: along >= 0,
+            "the length that it has covered on its path must be zero or more",
         ),
     }
 )
@@ -139,26 +145,26 @@ def changeable_of(owner: str) -> tuple[str, ...]:
 
 
 class Change(Item):
-    """`change runner.model: car.compact => car.sports`, `change runner.steer: 0.00 => 0.12 from 4.00 s for 1.00 s`.
+    """`change runner.model: car.compact => car.sports`, `change runner.steer: 0.00 => 0.12 from 4.00 s for 1.00 s`: one
+    value changes.
 
-    Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
-    the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
-    its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
-    its way, on a lane from `start` for `duration`); `brakes` (so hard, from `start` for `duration`); `ignores`
-    (`nothing`, `signals`, `priority`); `moving` (a length: where on its path it begins); `style` (`usual`,
-    `takes_gap`, `brakes_late`, `creeps`). `weather.rain` and the like;
-    `expect.NAME`, the number that a named expectation compares with. In a scenario that extends another also
-    `param.NAME`, a parameter's default, and `end.after`.
+    Properties of an actor: `model`; `steer` (-1 right to 1 left, a share of the largest steering angle, from `start` of
+    the clip, for `duration`); `timing` (a factor on the speed along its own path); `speed` (at the clip's start; in a
+    scenario the cruise speed); `delay` (a time for which it stands longer); `line` (a length by which it keeps to the
+    left of its way, on a lane from `start` for `duration`); `brakes` (a deceleration, from `start` for `duration`);
+    `ignores` (`nothing`, `signals`, `priority`); `moving` (a length, at which it begins on its path); `style` (`usual`,
+    `takes_gap`, `brakes_late`, `creeps`). The others are `weather.rain` and the like; `expect.NAME`, the number with which a named expectation compares; and, in a scenario
+    that extends another, `param.NAME`, a parameter's default, and `end.after`.
     """
 
     pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
     words = """
-        change (statement): one change: in a mutant WAS => NOW, in an extension a whole statement
+        change (statement): one change: WAS => NOW in a mutant, a whole statement in an extension
             | change runner.timing: 1.00 => 0.80
     """
 
     actor: ActorName
-    """The actor, or one of `weather`, `expect`, `param` and `end`."""
+    """Name of the actor, or one of `weather`, `expect`, `param` and `end`."""
     property: Name
     was: Annotated[ParamValue | Expression, Names("model")]
     now: Annotated[ParamValue | Expression, Names("model")]
@@ -187,10 +193,10 @@ Droppable = Literal[
 
 
 class Add(Item):
-    """`add vehicle late: car.compact { ... }`: adds a statement."""
+    """`add vehicle late: car.compact { ... }`: adds a statement to the extended scenario."""
 
     pattern = "add {item}"
-    words = "add (statement): one statement more than in the extended scenario | add weather rain 0.3"
+    words = "add (statement): a statement that the extended scenario does not have | add weather rain 0.3"
 
     item: Statement
 
@@ -208,10 +214,11 @@ class Replace(Item):
 
 
 class Drop(Item):
-    """`drop vehicle runner`, `drop when late`, `drop weather`, `drop cases` (the drawn ones)."""
+    """`drop vehicle runner`, `drop when late`, `drop weather`, `drop cases`: removes a statement of the extended
+    scenario; `cases` are the drawn ones."""
 
     pattern = "drop {what} [{name}]"
-    words = "drop (statement): a statement of the extended scenario that is not in this one | drop vehicle runner"
+    words = "drop (statement): a statement of the extended scenario that this one does not have | drop vehicle runner"
 
     what: Droppable
     name: Id | None = None
@@ -227,7 +234,7 @@ class Extension(Item):
     """
 
     pattern = "scenario {name} extends {parent} { ...body }"
-    words = 'extends (link): the scenario is another one, with the differences that follow | wet extends "dry.foresee"'
+    words = 'extends (link): before the scenario from which this one differs | wet extends "dry.foresee"'
 
     name: Name
     parent: FilePath
@@ -244,34 +251,37 @@ class Window(Item):
     """`window 12.40 s..22.40 s`: the part of the parent's run that the clip contains, in the parent's time."""
 
     pattern = "window {start}..{end}"
-    words = "window (statement): the seconds of the parent's run that a clip holds | window 12.40 s..22.40 s"
+    words = "window (statement): the seconds of the parent's run that a clip contains | window 12.40 s..22.40 s"
 
     start: Time
     end: Time
 
 
 class Risk(Item):
-    """`risk "critical crossing: ..."`: the forecaster's sentence."""
+    """`risk "critical crossing: ..."`: the forecaster's sentence about why this part of the run is risky."""
 
     pattern = "risk {text} [at {at}] [with {actor}] [by {operator}]"
     words = """
-        risk (statement): the forecaster's sentence | risk "critical crossing ahead" at 17.40 s with runner
-        with (link): which actor the risk is about | risk "..." at 17.40 s with runner
-        by (link): with which operator it is to be changed first | risk "..." at 17.40 s with runner by steer
+        risk (statement): the forecaster's sentence about the risk
+            | risk "critical crossing ahead" at 17.40 s with runner
+        with (link): before the actor that the risk, the meeting or the failure is about
+            | risk "..." at 17.40 s with runner
+        by (link): before the operator that is proposed for the first mutation
+            | risk "..." at 17.40 s with runner by steer
     """
 
     text: Text
     at: Time | None = None
     """The risky point in the parent's time: `risk "..." at 17.40 s`."""
     actor: ActorName | None = None
-    """`risk "..." at 17.40 s with runner`."""
+    """The actor that the risk is about: `risk "..." at 17.40 s with runner`."""
     operator: Name | None = None
     """The mutation operator that is proposed for this actor: `risk "..." at 17.40 s with runner by steer`."""
 
 
 class Goal(Item, kind="clip_goal"):
-    """`goal (118.30 m, 40.10 m)`: the waypoint of the ego's route that is nearest to the parent's ego at the window's
-    end."""
+    """`goal (118.30 m, 40.10 m)`: where the ego's route ends in the clip: its waypoint nearest to the parent's ego at
+    the end of the window."""
 
     pattern = "goal {at}"
 
@@ -281,13 +291,13 @@ class Goal(Item, kind="clip_goal"):
 class Fidelity(Item):
     """`fidelity 0.00 m ego 0.12 m`: largest distance between the run of the unmutated clip and its parent's run.
 
-    The first length is that of the other actors; the length behind `ego` is that of the ego, whose driver starts
-    afresh. Without a second length, the first one is that of all actors.
+    The first length is for the other actors, the second for the ego, whose driver starts without its memory. Without a
+    second length, the first one is for all actors.
     """
 
     pattern = "fidelity {deviation} [ego {ego}]"
     words = """
-        fidelity (statement): how far the unmutated clip's run is from its parent's, at most
+        fidelity (statement): the largest distance between the run of the unmutated clip and its parent's run
             | fidelity 0.00 m ego 0.12 m
     """
 
@@ -308,7 +318,7 @@ class Clip(Item):
 
     pattern = "clip {name} of {parent} [case {case}] pin {pin} { ...body }"
     words = """
-        clip (definition): an exact snapshot of seconds of a run, which pins its parent
+        clip (definition): an exact snapshot of some seconds of a run, with a pin of its parent
             | clip runner_p1 of "runner.foresee" case r02 pin sha256:5ef2c6120a41 { ... }
         pin (link): the hash of what the parent means | pin sha256:5ef2c6120a41
     """
@@ -332,27 +342,31 @@ class Clip(Item):
 
 
 class Origin(Item):
-    """The source of a mutant: its tool, driver, operators and results; no line of it changes the mutant's meaning."""
+    """The source of a mutant: its tool, driver, operators and results. None of these lines changes the mutant's
+    meaning."""
 
     pattern = (
         "origin { operator; preset; seed; why; tool; driver; found; minimised; preventable; anticipating; avoided }"
     )
     words = """
-        origin (statement): where a mutant comes from; means nothing to the run | origin { operator [steer]; seed 91 }
-        operator (statement): what made the changes | operator [model_swap, steer]
-        preventable (setting): whether a careful driver who brakes would have prevented it | preventable yes
-        anticipating (setting): by what a driver who anticipates would have prevented it | anticipating braking
-        avoided (setting): which other drivers avoid the failure, and how | avoided "idm brakes 0.8 s earlier"
-        why (setting): what was proposed when it was made | why "steer of van from 2.0 s: 9 of 41 changes reach the ego"
-        tool (setting): the version that wrote the mutant | tool "0.1.0"
+        origin (statement): where a mutant comes from; it has no effect on the run
+            | origin { operator [steer]; seed 91 }
+        operator (statement): the operators that made the changes | operator [model_swap, steer]
+        preventable (setting): whether a careful driver that brakes would have prevented the failure | preventable yes
+        anticipating (setting): how a driver that anticipates would have prevented the failure | anticipating braking
+        avoided (setting): the other drivers that avoid the failure, and how | avoided "idm brakes 0.8 s earlier"
+        why (setting): the reason for which the mutant was proposed
+            | why "steer of van from 2.0 s: 9 of 41 changes reach the ego"
+        tool (setting): the version of the tool that wrote the mutant | tool "0.1.0"
         driver (setting): the driver that was under test | driver "pdm 2"
-        found (setting): the failure that the mutant showed | found "F4 lateral collision with runner at 3.15 s"
+        found (setting): the failure of the mutant's run | found "F4 lateral collision with runner at 3.15 s"
         minimised (setting): how the mutant was made smaller | minimised "3 changes to 2"
-        yes (constant): of `preventable` | preventable yes
-        no (constant): of `preventable` | preventable no
-        unknown (constant): of `preventable` | preventable unknown
-        evading (constant): of `anticipating`: stepping aside into free space | anticipating evading
-        undecided (constant): of `anticipating` | anticipating undecided
+        yes (constant): the careful driver would have prevented it | preventable yes
+        no (constant): the careful driver would not have prevented it | preventable no
+        unknown (constant): whether the careful driver would have prevented it is not known | preventable unknown
+        evading (constant): the driver that anticipates would have steered into free space | anticipating evading
+        undecided (constant): whether the driver that anticipates would have prevented it is not decided
+            | anticipating undecided
     """
 
     operator: tuple[Name, ...] = ()
@@ -376,7 +390,7 @@ class Mutant(Item):
 
     pattern = "mutant {name} of {parent} pin {pin} { ...body }"
     words = """
-        mutant (definition): a few changes of a clip, which it pins
+        mutant (definition): a clip, which it pins, with a few changes
             | mutant runner_p1_m3 of "runner_p1.foresee" pin sha256:c347e6a70b92 { ... }
     """
 

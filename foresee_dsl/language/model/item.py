@@ -38,7 +38,8 @@ tells. `label`: the name of a trigger or an expectation. `file`: the path of ano
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Marks the type of a field with a name: the kind of its object, and whether the field defines or uses it."""
+    """Marks the type of a field that holds a name: the kind of object that it names, and whether the field defines or
+    uses the name."""
 
     kind: SymbolKind
     defines: bool = False
@@ -46,7 +47,7 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Marks the type of a value: the smallest and the largest allowed value, SI."""
+    """Marks the type of a value with the smallest and the largest allowed value, SI."""
 
     low: float
     high: float = 1e9
@@ -58,17 +59,17 @@ never changes the line breaks)."""
 
 
 class Item(BaseModel):
-    """Base of every statement and part of a file: immutable, compared by value, no unknown fields.
+    """Base of every statement and part of a file: immutable, compared by value, without unknown fields.
 
-    A class is made by the grammar's rule of the same name in small letters (`StartAt` by `start_at`).
+    The grammar's rule with the same name in small letters makes a class (`start_at` makes `StartAt`).
 
     Attributes:
         kind: its tag in data and hashes: by default the name of its rule. `class Both(Phrase, kind="and")` sets another
-            one; `kind=""`: it has none.
-        pattern: the form of its text (`model.pattern` explains the notation): nodes, printed text, and the dimensions
+            one; with `kind=""` it has none.
+        pattern: the form of its text (`model.pattern` explains the notation). Nodes, printed text, and the dimensions
             that messages name derive from it.
-        words: the words of the language that this class introduces, as `word (group): meaning | example of a line`
-            (no full stop); each word of a pattern is explained by one class, or in `language.keywords`, where several
+        words: the words of the language that this class introduces, as `word (group): meaning | example of a line` (no
+            full stop). Each word of a pattern is explained by one class, or in `language.keywords` if several classes
             share it.
         in_brackets: the kinds of condition that need brackets as a part of this one.
         in_brackets_of: the kinds of calculation that need brackets, by field.

@@ -1,4 +1,4 @@
-"""Networks written in the language, and catalogues of models."""
+"""Road networks that are written in the language, and catalogues of models."""
 
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ from foresee_dsl.language.model.streets import BannedTurn, Bump, LaneEnd, LaneTu
 
 
 class Doc(Item):
-    """`doc "One sentence."`"""
+    """`doc "One sentence."`: a sentence for people, without effect on the run."""
 
     pattern = "doc {text}"
     words = 'doc (statement): a sentence for people | doc "One sentence."'
@@ -24,8 +24,8 @@ class Stage(Item):
 
     pattern = "stage {name} for {duration} green {green}"
     words = """
-        stage (statement): one stage of a junction's signal | stage ns_go for 25 s green [north, south]
-        green (link): the roads that have green in a stage; what a signal shows | green [north, south]
+        stage (statement): a stage of a junction's signal | stage ns_go for 25 s green [north, south]
+        green (link): the roads that have green in a stage, or the colour of a signal | green [north, south]
     """
 
     name: Annotated[v.Name, Names("stage", defines=True)]
@@ -43,13 +43,16 @@ class Junction(Item):
 
     pattern = "junction {name} at {at} [{control}] [{ crossings [{crossings}]; ...stages }]"
     words = """
-        junction (statement): where roads meet or end; in a condition: its outline
+        junction (statement): a place where roads meet or end; in a condition, its outline
             | junction j4 at (0 m, 0 m) signals { ... }
-        crossings (statement): people can cross every road with a sidewalk at this junction, or those named | crossings
-        signals (constant): a junction's control; what an actor ignores | junction j4 at (0 m, 0 m) signals { ... }
-        priority (constant): the wider or faster road goes first; what an actor ignores | ignores priority at j4
-        right_before_left (constant): a junction's control: vehicles from the right go first | right_before_left
-        stop (statement): a bus stop of a network; as a junction's control: all-way stop
+        crossings (statement): pedestrians can cross every road with a sidewalk at this junction, or only the named
+            roads | crossings
+        signals (constant): the junction is controlled by a signal; after `ignores`, an actor ignores signals
+            | junction j4 at (0 m, 0 m) signals { ... }
+        priority (constant): the wider or faster road has priority; after `ignores`, an actor ignores priority
+            | ignores priority at j4
+        right_before_left (constant): vehicles from the right have priority at the junction | right_before_left
+        stop (statement): a bus stop of a network; as a junction's control, an all-way stop
             | stop market on mill_west at 60 m length 20 m
     """
 
@@ -57,11 +60,11 @@ class Junction(Item):
     at: v.Point
     control: Literal["signals", "priority", "right_before_left", "stop"] = "priority"
     crossings: tuple[v.Name, ...] | None = None
-    """The roads that can be crossed: empty for all, None for none."""
+    """The roads that pedestrians can cross: empty for all roads, None for none."""
     stages: tuple[Stage, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has no stages, each of which takes a line."""
+        """Return whether it fits on one line: it has no stages, each of which takes a line."""
         del lines
         return not self.stages
 
@@ -82,17 +85,20 @@ class Road(Item):
     words = """
         road (statement): two edges: NAME from the first junction to the second, NAME_back the other way
             | road west from west_end to j4 { lanes 2; speed 50 km/h }
-        via (statement): the road's line goes through these points | via [(-60 m, 2 m)]
-        lanes (setting): lanes of a road's first edge, 1 to 8 | lanes 2
-        back (setting): lanes of a road's other edge, 0 for one way; as a turn: back where it came from | back 1
-        lane_width (setting): width of each lane; 3.3 m when absent | lane_width 3.5 m
-        parking (setting): a strip for parked vehicles, right of each edge's lanes | parking 2.2 m
+        via (statement): points through which the road's line goes | via [(-60 m, 2 m)]
+        lanes (setting): the number of lanes of a road's first edge, 1 to 8 | lanes 2
+        back (setting): the number of lanes of a road's other edge, 0 for a one-way road; as a turn, back to where the
+            vehicle came from | back 1
+        lane_width (setting): the width of each lane; the default is 3.3 m | lane_width 3.5 m
+        parking (setting): a strip for parked vehicles of this width, right of each edge's lanes | parking 2.2 m
         sidewalk (setting): a sidewalk of this width, right of each edge | sidewalk 2 m
-        bus_lane (setting): a lane for buses, right of each edge's lanes | bus_lane 3.5 m
-        cycle_lane (setting): a lane for bicycles on the carriageway, right of each edge's lanes | cycle_lane 1.8 m
-        cycle_track (setting): a way for bicycles between parking strip and sidewalk | cycle_track 2 m
-        shoulder (setting): a strip to stop on in need, right of each edge's lanes | shoulder 2.5 m
-        median (setting): room between a road's two directions | median 1.5 m
+        bus_lane (setting): a lane for buses of this width, right of each edge's lanes | bus_lane 3.5 m
+        cycle_lane (setting): a lane for bicycles of this width on the carriageway, right of each edge's lanes
+            | cycle_lane 1.8 m
+        cycle_track (setting): a way for bicycles of this width, between the parking strip and the sidewalk
+            | cycle_track 2 m
+        shoulder (setting): a strip of this width for stops in an emergency, right of each edge's lanes | shoulder 2.5 m
+        median (setting): the distance between a road's two directions | median 1.5 m
     """
 
     name: Annotated[v.Name, Names("road", defines=True)]
@@ -100,28 +106,34 @@ class Road(Item):
     end: Annotated[v.Name, Names("junction")]
     lanes: Annotated[v.Count, Bounds(1, 8)] | None = None  # ours: the widest motorway halves have eight lanes
     back: Annotated[v.Count, Bounds(0, 8)] | None = None
-    lane_width: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: a cycle lane to a bus stop
+    lane_width: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: from a cycle lane to a bus stop
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
-    parking: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: a bicycle's stand to a lorry's bay across
+    # Ours: from a bicycle's stand to a bay across which a lorry parks.
+    parking: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None
     sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     median: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
-    bus_lane: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None  # ours: a bus's body to one that bicycles share
-    cycle_lane: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None  # ours: one handlebar to three abreast
+    # Ours: from a bus's body to a lane that bicycles share.
+    bus_lane: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None
+    # Ours: from one handlebar to three bicycles abreast.
+    cycle_lane: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None
     cycle_track: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None
     shoulder: Annotated[v.Length, Bounds(0.5, 5.0)] | None = None
     via: tuple[v.Point, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few settings and no list of points."""
+        """Return whether it fits on one line: it has few settings and no list of points."""
         return lines <= MOST_INLINE and not self.via
 
 
 class Building(Item):
-    """`building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m), (10 m, 40 m)]`: hides everything behind it. The outline
-    is closed automatically."""
+    """`building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m), (10 m, 40 m)]`: an outline that hides everything behind
+    it. The outline is closed automatically."""
 
     pattern = "building {name} {outline}"
-    words = "building (statement): hides what is behind it | building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]"
+    words = """
+        building (statement): an outline that hides what is behind it
+            | building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]
+    """
 
     name: v.Name
     outline: tuple[v.Point, ...] = Field(min_length=3)
@@ -143,7 +155,7 @@ class BusStop(Item, kind="stop"):
     name: Annotated[v.Name, Names("stop", defines=True)]
     road: Annotated[v.Name, Names("road")]
     at: v.Length
-    length: Annotated[v.Length, Bounds(1.0, 200.0)] | None = None  # ours: a moped to a platform for five buses
+    length: Annotated[v.Length, Bounds(1.0, 200.0)] | None = None  # ours: from a moped to a platform for five buses
     bay: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None  # ours: the widths of a bus lane
 
 
@@ -170,7 +182,7 @@ class Network(Item):
     `here`)."""
 
     pattern = "network {name} { ...body }"
-    words = "network (definition): junctions and roads | network town { ... }"
+    words = "network (definition): a road network: junctions and roads | network town { ... }"
 
     name: v.Name
     body: tuple[NetworkItem, ...]
@@ -193,22 +205,23 @@ class VehicleModel(Item, kind="model"):
         "cruise_speed; acceleration; braking; emergency_braking; max_steer; steer_rate; source }"
     )
     words = """
-        model (statement): one entry of a catalogue: class.variant | model car.sports { length 4.38 m; width 1.80 m }
-        length (setting): how long: a model, a ramp's further lane, a speed bump | length 4.38 m
-        width (setting): how wide: a model, a zebra crossing | width 1.80 m
-        height (setting): a model's height, with its rider; what is behind may be hidden | height 1.48 m
-        wheelbase (setting): between a model's axles | wheelbase 2.57 m
-        front_overhang (setting): from the front axle to the front bumper | front_overhang 0.85 m
-        rear_overhang (setting): from the rear axle to the rear bumper | rear_overhang 0.96 m
+        model (statement): an entry of a catalogue: the sizes and abilities of a class.variant
+            | model car.sports { length 4.38 m; width 1.80 m }
+        length (setting): the length of a model, a ramp's extra lane or a speed bump | length 4.38 m
+        width (setting): the width of a model or of a zebra crossing | width 1.80 m
+        height (setting): the height of a model, with its rider; it hides lower actors behind it | height 1.48 m
+        wheelbase (setting): the distance between a model's axles | wheelbase 2.57 m
+        front_overhang (setting): the distance from the front axle to the front bumper | front_overhang 0.85 m
+        rear_overhang (setting): the distance from the rear axle to the rear bumper | rear_overhang 0.96 m
         mass (setting): a model's mass | mass 1350 kg
-        max_speed (setting): the fastest that a model can go | max_speed 180 km/h
-        cruise_speed (setting): a model's speed where the scenario gives none | cruise_speed 1.3 m/s
-        acceleration (setting): how strongly: of a model, or in an actor's state | acceleration 3 m/s^2
-        braking (setting): a model's comfortable braking | braking 4 m/s^2
-        emergency_braking (setting): a model's hardest braking | emergency_braking 9 m/s^2
-        max_steer (setting): how far the front wheels turn | max_steer 35 deg
-        steer_rate (setting): how fast the front wheels turn | steer_rate 40 deg/s
-        source (setting): where the numbers come from | source "data sheet of 2024"
+        max_speed (setting): the highest speed that a model can reach | max_speed 180 km/h
+        cruise_speed (setting): the speed of a model if the scenario states none | cruise_speed 1.3 m/s
+        acceleration (setting): the acceleration of a model, or of an actor in its state | acceleration 3 m/s^2
+        braking (setting): the deceleration with which a model brakes comfortably | braking 4 m/s^2
+        emergency_braking (setting): the largest deceleration of a model | emergency_braking 9 m/s^2
+        max_steer (setting): the largest angle of the front wheels | max_steer 35 deg
+        steer_rate (setting): the speed at which the front wheels turn | steer_rate 40 deg/s
+        source (setting): where the numbers of a model come from | source "data sheet of 2024"
     """
 
     name: Annotated[v.ModelName, Names("model", defines=True)]
@@ -230,10 +243,13 @@ class VehicleModel(Item, kind="model"):
 
 
 class Catalogue(Item, kind="models"):
-    """`models standard { model car.compact { ... } ... }`."""
+    """`models standard { model car.compact { ... } ... }`: a catalogue of models."""
 
     pattern = "models {name} { ...body }"
-    words = "models (definition): sizes and abilities; in traffic: which models take part | models more { ... }"
+    words = """
+        models (definition): a catalogue: sizes and abilities; in traffic, the models that take part
+            | models more { ... }
+    """
 
     name: v.Name
     body: tuple[Annotated[Doc | VehicleModel, ONE_OF], ...]

@@ -32,7 +32,7 @@ _TOKEN = re.compile(
 
 
 class Form(Enum):
-    """The written form of a text in a field."""
+    """How a text in a field is written."""
 
     NAME = auto()  # as it is
     MODEL = auto()  # as it is; where a parameter may stand, a name without a dot is one
@@ -43,7 +43,7 @@ class Form(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A field in a pattern; `between`: the text between its parts, None for a list in brackets."""
+    """A field in a pattern. `between` is the text between its parts; None stands for a list in brackets."""
 
     field: str
     between: str | None = None
@@ -134,7 +134,7 @@ def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:
 
 @cache
 def word_before(kind: type[Item], field: str) -> str:
-    """Return the word before a field, which names the field for people: `timing` for its `factor`."""
+    """Return the word before a field, by which messages name the field: `timing` for its `factor`."""
     return next((word for word, name in words_before(read_pattern(kind.pattern)) if name == field), field)
 
 
@@ -146,13 +146,13 @@ class FieldForm:
     """The values that a field takes, read from its annotation.
 
     Attributes:
-        form: the written form of a text in it.
+        form: how a text in it is written.
         parameter: True if the name of a parameter may replace its text.
-        dimension: of its quantity; None if it takes none, or several are possible.
+        dimension: the dimension of its quantity; None if it takes no quantity, or several dimensions are possible.
         words: the fixed words that it takes.
-        names: the kind of object that a name in it stands for; None if it takes no name, or that depends on other
+        names: the kind of object that a name in it stands for; None if it takes no name, or the kind depends on other
             fields.
-        bounds: of its quantity, SI; None if any value is allowed.
+        bounds: the bounds of its quantity, SI; None if any value is allowed.
     """
 
     form: Form
@@ -170,10 +170,10 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
     leaves = [*_leaves(info.annotation), *info.metadata] if info is not None else []
     form = next(
         (leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME
-    )  # the last: `Word` is an `Id` too
+    )  # the last mark counts, because a `Word` is an `Id` too
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
-    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last one is the outermost
+    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last mark is the outermost
     bounds = next((leaf for leaf in leaves if isinstance(leaf, Bounds)), None)
     words = tuple(leaf for leaf in leaves if isinstance(leaf, str))
     return FieldForm(form, parameter, dimension, words, names, bounds)

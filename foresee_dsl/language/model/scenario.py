@@ -1,4 +1,4 @@
-"""Scenarios: a logical one has parameters and cases, a concrete one only values."""
+"""Scenarios and their statements: a logical scenario has parameters and cases, a concrete one only values."""
 
 from typing import Annotated, Literal, TypeVar
 
@@ -39,26 +39,29 @@ ParamType = Literal[
     "side",
 ]
 ParamValue = Quantity | Word
-"""A quantity, or a word: a road (arm), a turn, a model's name, a junction, a stage, a side."""
+"""The value of a parameter: a quantity, or a word that names a road (arm), a turn, a model, a junction, a stage or a
+side."""
 
 
 class Tags(Item):
-    """`tags [scenario7, junction]`; the tag `scenarioN` is the family in the paper's table of scenarios."""
+    """`tags [scenario7, junction]`: words by which test cases are selected; `scenarioN` is the family in the paper's
+    table of scenarios."""
 
     pattern = "tags {names}"
     words = """
-        tags (statement): words; `scenarioN` is the family in the paper's table of scenarios
-            | tags [scenario7, junction]
+        tags (statement): words by which test cases are selected; `scenarioN` is the family in the paper's table of
+            scenarios | tags [scenario7, junction]
     """
 
     names: tuple[Name, ...]
 
 
 class UseNetwork(Item):
-    """`use network "networks/town.foresee"` (also `.net.xml`, `.xodr`), relative to this file."""
+    """`use network "networks/town.foresee"`: a network from another file (also `.net.xml`, `.xodr`), relative to this
+    file."""
 
     pattern = "use network {path}"
-    words = 'use (statement): a network, or models, from another file | use network "networks/town.foresee"'
+    words = 'use (statement): the network, or models, of another file | use network "networks/town.foresee"'
 
     path: FilePath
 
@@ -73,10 +76,13 @@ class UseModels(Item):
 
 
 class Range(Phrase, kind=""):
-    """`0 s..4 s step 0.1 s`."""
+    """`0 s..4 s step 0.1 s`: the range that a parameter's values must lie in, and the distance between them."""
 
     pattern = "{low}..{high} [step {step}]"
-    words = "step (link): values lie on these steps from the range's low end | in 0 s..4 s step 0.1 s"
+    words = """
+        step (link): before the distance between the values of a range, counted from its low end
+            | in 0 s..4 s step 0.1 s
+    """
 
     low: Quantity
     high: Quantity
@@ -87,24 +93,28 @@ class Uniform(Phrase):
     """`as uniform`: every value of the range (every step, every option) is equally likely; the default."""
 
     pattern = "uniform"
-    words = "uniform (link): every value of the range is as likely | as uniform"
+    words = "uniform (link): every value of the range is equally likely | as uniform"
 
 
 class Normal(Phrase):
-    """`as normal(1.5 s, 0.4 s)`: mean and standard deviation, cut off at the ends of the range."""
+    """`as normal(1.5 s, 0.4 s)`: a normal distribution with this mean and standard deviation, cut off at the ends of
+    the range."""
 
     pattern = "normal({mean}, {deviation})"
-    words = "normal (link): mean and standard deviation, cut off at the range's ends | as normal(1.5 s, 0.4 s)"
+    words = """
+        normal (link): a normal distribution with this mean and standard deviation, cut off at the ends of the range
+            | as normal(1.5 s, 0.4 s)
+    """
 
     mean: Quantity
     deviation: Quantity
 
 
 class Choice(Phrase):
-    """`as choice(3, 1)`: relative frequency of each option."""
+    """`as choice(3, 1)`: each option is drawn with this relative frequency."""
 
     pattern = "choice({weights:, })"
-    words = "choice (link): how often each option is drawn, relative to the others | as choice(3, 1)"
+    words = "choice (link): each option is drawn with this frequency, relative to the others | as choice(3, 1)"
 
     weights: tuple[Quantity, ...] = Field(min_length=1)
 
@@ -114,7 +124,7 @@ class Grid(Phrase):
     occur before one is repeated."""
 
     pattern = "grid"
-    words = "grid (link): values are taken in turn, every combination once | as grid"
+    words = "grid (link): the values are taken in turn, so that every combination occurs once | as grid"
 
 
 Distribution = Annotated[Uniform | Normal | Choice | Grid, ONE_OF]
@@ -122,19 +132,20 @@ Distribution = Annotated[Uniform | Normal | Choice | Grid, ONE_OF]
 
 class Param(Item):
     """`param gap: time = 1.5 s in 0 s..4 s step 0.1 s as normal(1.5 s, 0.4 s)`, `param approach: arm = south in [south,
-    east]`."""
+    east]`: a parameter with its type, default, range or options, and distribution."""
 
     pattern = "param {name}: {type} = {default} [in {range}] [in {options}] [as {distribution}]"
     words = """
         param (statement): a parameter: type, default, and the range that its values must lie in
             | param gap: time = 1.5 s in 0 s..4 s step 0.1 s
-        in (link): the range or options of a parameter; inside a junction | in 0 s..4 s step 0.1 s
-        as (link): how a parameter's values are drawn | as normal(1.5 s, 0.4 s)
-        angle (type): a parameter's type: a quantity in deg or rad | param turn_in: angle = 10 deg
-        ratio (type): a parameter's type: a plain number | param wet: ratio = 0.3
-        arm (type): a parameter's type: the name of a road | param approach: arm = south in [south, east]
-        turn (type): a parameter's type: straight, left, right or back | param way: turn = straight
-        side (type): a parameter's type: left or right | param evades: side = left
+        in (link): before the range or the options of a parameter; in a condition, inside a junction or a lane
+            | in 0 s..4 s step 0.1 s
+        as (link): before the distribution from which a parameter's values are drawn | as normal(1.5 s, 0.4 s)
+        angle (type): the type of a parameter that holds a quantity in deg or rad | param turn_in: angle = 10 deg
+        ratio (type): the type of a parameter that holds a plain number | param wet: ratio = 0.3
+        arm (type): the type of a parameter that holds the name of a road | param approach: arm = south in [south, east]
+        turn (type): the type of a parameter that holds straight, left, right or back | param way: turn = straight
+        side (type): the type of a parameter that holds left or right | param evades: side = left
     """
 
     name: Annotated[Name, Names("parameter", defines=True)]
@@ -150,7 +161,7 @@ class Require(Item):
     """`require gap < 2 s or approach is south`: a condition on the values of each case, written or drawn."""
 
     pattern = "require {condition}"
-    words = "require (statement): what the values of a case must satisfy | require gap < 2 s"
+    words = "require (statement): a condition that the values of every case must satisfy | require gap < 2 s"
 
     condition: Condition
 
@@ -159,7 +170,7 @@ class Cases(Item):
     """`cases 20 from seed 7`: 20 cases with drawn values, called `seed7_01`, `seed7_02`, ..."""
 
     pattern = "cases {count} from seed {seed}"
-    words = "cases (statement): cases with drawn values | cases 20 from seed 7"
+    words = "cases (statement): the number of cases whose values are drawn | cases 20 from seed 7"
 
     count: Quantity
     seed: Quantity
@@ -174,11 +185,13 @@ class Weather(Item):
 
     pattern = "weather [rain {rain}], [fog {fog}], [wetness {wetness}], [sun {sun}]"
     words = """
-        weather (statement): ratios from 0 to 1; wetness lowers the friction | weather rain 0.3, wetness 0.4
-        rain (setting): 0 to 1; for sensors | weather rain 0.3
-        fog (setting): 0 to 1; for sensors | weather fog 0.1
-        wetness (setting): 0 to 1; lowers the friction from 0.9 to 0.5 | weather wetness 0.4
-        sun (setting): 0 to 1; for sensors | weather sun 0.5
+        weather (statement): ratios from 0 to 1; wetness lowers the friction, the others affect the sensors
+            | weather rain 0.3, wetness 0.4
+        rain (setting): how strong the rain is, from 0 to 1; it affects the sensors | weather rain 0.3
+        fog (setting): how dense the fog is, from 0 to 1; it affects the sensors | weather fog 0.1
+        wetness (setting): how wet the road is, from 0 to 1; it lowers the friction from 0.9 to 0.5
+            | weather wetness 0.4
+        sun (setting): how strong the sun is, from 0 to 1; it affects the sensors | weather sun 0.5
     """
 
     rain: _Share | None = None
@@ -187,7 +200,7 @@ class Weather(Item):
     sun: _Share | None = None
 
     def own_pattern(self) -> str:
-        """Return the pattern of the settings that are given, with commas between them."""
+        """Return the pattern for the settings that are given, with commas between them."""
         names = (name for name in ("rain", "fog", "wetness", "sun") if getattr(self, name) is not None)
         return f"weather {', '.join(f'{name} {{{name}}}' for name in names)}"
 
@@ -201,28 +214,29 @@ class Slippery(Item):
 
     pattern = "slippery {name} at {place} radius {radius} friction {friction}"
     words = """
-        slippery (statement): a round patch of ground on which tyres hold less
+        slippery (statement): a round patch of ground with a lower friction
             | slippery oil at 12 m before j4 on ego.route radius 2.5 m friction 0.2
-        friction (setting): what tyres hold on a slippery patch; dry road has 0.9, ice 0.1
+        friction (setting): the friction of a slippery patch; a dry road has 0.9, ice has 0.1
             | slippery ice at (12 m, 4 m) radius 3 m friction 0.1
     """
 
     name: Annotated[Name, Names("patch", defines=True)]
     place: Place
-    radius: Annotated[Length, Bounds(0.1, 50.0)]  # ours: a spilt bucket, to a frozen square
+    radius: Annotated[Length, Bounds(0.1, 50.0)]  # ours: from a spilt bucket to a frozen square
     friction: Annotated[Ratio, Bounds(0.02, 1.0)]  # ours: wet ice has 0.05; without any, nothing could ever stop
 
 
 class Expect(Item):
     """`expect never collision(ego)`, `expect always ttc(ego, lead) > 1 s`, `expect eventually within 60 s
-    arrived(ego)`."""
+    arrived(ego)`: a condition that should hold in the run."""
 
     pattern = "expect [{name}:] {mode} [within {within}] {condition}"
     words = """
-        expect (statement): what should hold; reported beside the verdict | expect never collision(ego)
-        never (condition): it holds at no frame | expect never collision(ego)
-        always (condition): it holds at every frame | expect always ttc(ego, lead) > 1 s
-        eventually (condition): it holds at one frame | expect eventually within 60 s arrived(ego)
+        expect (statement): a condition that should hold in the run; the result is reported beside the verdict
+            | expect never collision(ego)
+        never (condition): the condition holds in no frame | expect never collision(ego)
+        always (condition): the condition holds in every frame | expect always ttc(ego, lead) > 1 s
+        eventually (condition): the condition holds in at least one frame | expect eventually within 60 s arrived(ego)
     """
 
     name: Annotated[Name, Names("label", defines=True)] | None = None
@@ -238,11 +252,12 @@ DEFAULT_END_S = 60.0
 
 
 class End(Item):
-    """`end after 60 s`: an ego that has not arrived by then is a `timeout`; with `anywhere` it need not arrive."""
+    """`end after 60 s`: the longest duration of the run. An ego that has not arrived by then is a `timeout`; with
+    `anywhere` it need not arrive."""
 
     pattern = "end after {after} [{where}]"
     words = """
-        end (statement): the run's limit; 60 s when absent | end after 60 s
+        end (statement): the time at which the run ends; the default is 60 s | end after 60 s
         anywhere (constant): the ego need not arrive: the run passes wherever the ego is at its end
             | end after 10 s anywhere
     """
@@ -252,7 +267,8 @@ class End(Item):
 
 
 class Assignment(Item, kind=""):
-    """`gap = 1.2 s` inside a case; `gap = 2 * other` is calculated from the case's other values."""
+    """`gap = 1.2 s`: a value that a case gives to a parameter; `gap = 2 * other` is calculated from the case's other
+    values."""
 
     pattern = "{name} = {value}"
 
@@ -261,16 +277,16 @@ class Assignment(Item, kind=""):
 
 
 class Case(Item):
-    """`case r01 { approach = south; gap = 1.2 s }`: one test case."""
+    """`case r01 { approach = south; gap = 1.2 s }`: one test case, which gives values to parameters."""
 
     pattern = "case {name} [{ ...values }]"
-    words = "case (statement): values for parameters: one test case | case r01 { gap = 1.2 s }"
+    words = "case (statement): one test case: a value for each of some parameters | case r01 { gap = 1.2 s }"
 
     name: Annotated[Name, Names("case", defines=True)]
     values: tuple[Assignment, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few values."""
+        """Return whether it fits on one line: it has few values."""
         return lines <= MOST_INLINE
 
 
@@ -284,9 +300,9 @@ class SignalState(Item, kind="signal"):
 
     pattern = "signal {junction} stage {stage} elapsed {elapsed}"
     words = """
-        signal (statement): what a signal shows: at the beginning, or in a condition
+        signal (statement): what a signal shows, at the beginning or in a condition
             | signal j4 stage ns_go elapsed 11.35 s
-        elapsed (link): time since the stage began | signal j4 stage ns_go elapsed 11.35 s
+        elapsed (link): before the time since the stage began | signal j4 stage ns_go elapsed 11.35 s
     """
 
     junction: JunctionId
@@ -321,11 +337,12 @@ _T = TypeVar("_T", bound=Item)
 
 
 class Scenario(Item):
-    """`scenario red_light_runner { ... }`; the body keeps the author's order."""
+    """`scenario red_light_runner { ... }`: a traffic situation; the body keeps the author's order."""
 
     pattern = "scenario {name} { ...body }"
     words = """
-        scenario (definition): a situation, with parameters and cases or without | scenario red_light_runner { ... }
+        scenario (definition): a traffic situation, with or without parameters and cases
+            | scenario red_light_runner { ... }
     """
 
     name: Name
@@ -336,7 +353,7 @@ class Scenario(Item):
         return tuple(item for item in self.body if isinstance(item, kind))
 
     def first(self, kind: type[_T]) -> _T | None:
-        """Return the first item of one kind, or None."""
+        """Return the first item of one kind, or None if there is none."""
         return next(iter(self.all(kind)), None)
 
     @property  # not cached: `model_copy` would carry the old actors into a copy with another body

@@ -1,4 +1,4 @@
-"""Objects on the roads of a network: roundabouts, ramps, zebra crossings and bumps; and rules for lanes."""
+"""Objects on the roads of a network (roundabouts, ramps, zebra crossings, bumps), and rules for turns and lanes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.item import MOST_INLINE, Bounds, Item, Names
 
 _Lane = Annotated[v.Count, Bounds(1, 8)]
-_LaneWidth = Annotated[v.Length, Bounds(1.0, 10.0)]  # ours: as a road's
+_LaneWidth = Annotated[v.Length, Bounds(1.0, 10.0)]  # ours: the same bounds as for a road
 
 
 class BannedTurn(Item):
@@ -25,12 +25,13 @@ class BannedTurn(Item):
 
 
 class LaneTurns(Item):
-    """`lane 1 of west goes [right, straight]`: turns that a lane leads to at the end of its edge; lane 1 is the
+    """`lane 1 of west goes [right, straight]`: the turns to which a lane leads at the end of its edge; lane 1 is the
     rightmost."""
 
     pattern = "lane {lane} of {edge} goes {turns}"
     words = """
-        goes (link): the turns that a lane leads to; the others of its edge keep theirs | lane 2 of west goes [left]
+        goes (link): before the turns to which a lane leads; the other lanes of its edge keep theirs
+            | lane 2 of west goes [left]
     """
 
     lane: _Lane
@@ -47,29 +48,29 @@ class Roundabout(Item):
 
     pattern = "roundabout {name} at {at} { radius; lanes; lane_width; speed; sidewalk; crossings [{crossings}] }"
     words = """
-        roundabout (statement): a ring that roads lead into; vehicles on it go first
+        roundabout (statement): a ring to which roads lead; vehicles on it have priority
             | roundabout circle at (0 m, 0 m) { ... }
-        radius (setting): of the middle of a roundabout's carriageway | radius 18 m
+        radius (setting): the radius of the middle of a roundabout's carriageway, or of a slippery patch | radius 18 m
     """
 
     name: Annotated[v.Name, Names("junction", defines=True)]
     at: v.Point
-    radius: Annotated[v.Length, Bounds(8.0, 200.0)]  # ours: below, two arms do not fit side by side
+    radius: Annotated[v.Length, Bounds(8.0, 200.0)]  # ours: on a smaller ring, two arms do not fit side by side
     lanes: Annotated[v.Count, Bounds(1, 4)] | None = None
     lane_width: _LaneWidth | None = None
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
     sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     crossings: tuple[v.Name, ...] | None = None
-    """The roads that have a crossing at the ring: empty for all, None for none."""
+    """The roads that have a crossing at the ring: empty for all roads, None for none."""
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few settings."""
+        """Return whether it fits on one line: it has few settings."""
         return lines <= MOST_INLINE
 
 
 class OnRamp(Item):
-    """`on_ramp up from side to a1 at 400 m { length 250 m }`: a lane from a junction into an edge, which has a further
-    lane on the right from there for `length`, the acceleration lane."""
+    """`on_ramp up from side to a1 at 400 m { length 250 m }`: a lane from a junction into an edge. From there on, the
+    edge has an extra lane on the right for `length`, the acceleration lane."""
 
     pattern = "on_ramp {name} from {junction} to {edge} at {at} [{ length; speed; lane_width; via }]"
     words = "on_ramp (statement): a lane that joins an edge on its right | on_ramp up from side to a1 at 400 m"
@@ -84,12 +85,12 @@ class OnRamp(Item):
     via: tuple[v.Point, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few settings and no list of points."""
+        """Return whether it fits on one line: it has few settings and no list of points."""
         return lines <= MOST_INLINE and not self.via
 
 
 class OffRamp(Item):
-    """`off_ramp down from a1 at 900 m to side { length 200 m }`: a lane that leaves an edge, which has a further lane
+    """`off_ramp down from a1 at 900 m to side { length 200 m }`: a lane that leaves an edge. The edge has an extra lane
     on the right for `length` before it, the deceleration lane."""
 
     pattern = "off_ramp {name} from {edge} at {at} to {junction} [{ length; speed; lane_width; via }]"
@@ -105,7 +106,7 @@ class OffRamp(Item):
     via: tuple[v.Point, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few settings and no list of points."""
+        """Return whether it fits on one line: it has few settings and no list of points."""
         return lines <= MOST_INLINE and not self.via
 
 
@@ -118,8 +119,9 @@ class Zebra(Item):
 
     pattern = "zebra {name} on {road} at {at} [{ width; island }]"
     words = """
-        zebra (statement): a crossing at which people go first, anywhere on a road | zebra school on west at 40 m
-        island (setting): a refuge of this width between the directions of a zebra crossing | island 2 m
+        zebra (statement): a crossing anywhere on a road at which pedestrians have priority
+            | zebra school on west at 40 m
+        island (setting): a refuge of this width between the two directions of a zebra crossing | island 2 m
     """
 
     name: Annotated[v.Name, Names("junction", defines=True)]
@@ -129,7 +131,7 @@ class Zebra(Item):
     island: Annotated[v.Length, Bounds(1.0, 20.0)] | None = None  # ours: people need this width to stand
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few settings."""
+        """Return whether it fits on one line: it has few settings."""
         return lines <= MOST_INLINE
 
 
@@ -150,15 +152,17 @@ class Bump(Item):
     length: Annotated[v.Length, Bounds(1.0, 50.0)] | None = None
 
     def fits_one_line(self, lines: int) -> bool:
-        """Return whether it has few settings."""
+        """Return whether it fits on one line: it has few settings."""
         return lines <= MOST_INLINE
 
 
 class LaneEnd(Item):
-    """`lane 3 of a1 ends at 500 m`: a lane drop: from there on the edge has one lane less; lane 1 is the rightmost."""
+    """`lane 3 of a1 ends at 500 m`: a lane drop. From there on the edge has one lane less; lane 1 is the rightmost."""
 
     pattern = "lane {lane} of {edge} ends at {at}"
-    words = "ends (link): where a lane ends, so that its vehicles change lane | lane 3 of a1 ends at 500 m"
+    words = """
+        ends (link): before the place where a lane ends, so that its vehicles change lane | lane 3 of a1 ends at 500 m
+    """
 
     lane: _Lane
     edge: Annotated[v.Name, Names("road")]

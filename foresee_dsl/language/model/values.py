@@ -1,4 +1,4 @@
-"""Values: quantities with units, names, references to parameters, points and places."""
+"""Values of the language: quantities with units, names, references to parameters, points and places."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Name = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}$", max_length=80)]
 Id = Annotated[str, Field(min_length=1, max_length=200, pattern=r'^[^"\n\r\\]+$'), Form.ID]
 """A name, or the id of an object in an imported network (printed as a string if it is not a valid name)."""
 Word = Annotated[Id, Form.WORD, Names("word")]
-"""An id, or the name of a model."""
+"""A word: an id, or the name of a model."""
 ModelName = Annotated[
     str, Field(pattern=rf"^{NAME_PATTERN}\.{NAME_PATTERN}$", max_length=80), Form.MODEL, Names("model")
 ]
-"""`class.variant`, such as `car.compact`: an entry of a catalogue."""
+"""Name of a model: `class.variant`, such as `car.compact`, which is an entry of a catalogue."""
 Text = Annotated[str, Field(max_length=2000, pattern=r'^[^"\n\r]*$'), Form.TEXT]
 """A string on one line, without double quotes."""
 FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r]+$'), Form.TEXT, Names("file")]
@@ -61,7 +61,7 @@ class Quantity(Phrase, kind=""):
 
     @classmethod
     def of(cls, si_value: float, dimension: Dimension, digits: int) -> Quantity:
-        """Make a quantity from an SI value, in the unit of generated files, rounded to `digits` decimals."""
+        """Return a quantity from an SI value, in the unit of generated files, rounded to `digits` decimals."""
         word = SI_WORD[dimension]
         number = si_value / UNITS[word].to_si if word else si_value
         rounded = round(Decimal(repr(float(number))), digits)
@@ -85,7 +85,7 @@ StageId = Annotated[Id | Ref, Names("stage")]
 
 
 class Sum(Phrase):
-    """`gap + 0.5 s`, `room - 2 m`: of two values of one dimension."""
+    """`gap + 0.5 s`, `room - 2 m`: the sum or difference of two values of one dimension."""
 
     pattern = "{left} {op} {right}"
     in_brackets_of = (("right", ("sum",)),)
@@ -96,7 +96,7 @@ class Sum(Phrase):
 
 
 class Product(Phrase):
-    """`2 * width`, `speed / 2 s`: of two values; its dimension is that of the result."""
+    """`2 * width`, `speed / 2 s`: the product or quotient of two values; its dimension is that of the result."""
 
     pattern = "{left} {op} {right}"
     in_brackets_of = (
@@ -110,7 +110,7 @@ class Product(Phrase):
 
 
 class Negative(Phrase):
-    """`-gap`: of a parameter or a calculation; `-2 m` is a number."""
+    """`-gap`: the negative of a parameter or a calculation; `-2 m` is a number."""
 
     pattern = "-{value}"
     in_brackets_of = (("value", ("sum", "product", "negative")),)
@@ -132,13 +132,14 @@ class Extreme(Phrase):
 
 
 Expression = Sum | Product | Negative | Extreme
-"""A value that is calculated from others; like a `Ref`, it is gone in a concrete scenario."""
+"""A value that is calculated from others; like a `Ref`, it is replaced by its result in a concrete scenario."""
 EXPRESSIONS = (Sum, Product, Negative, Extreme)
 AnyValue = Quantity | Ref | Expression
 
 
 class Calculated(Quantity, kind=""):
-    """The result of an expression in a parameter's statement, with the defaults of the others; and the expression."""
+    """The result of an expression in a parameter's statement, computed with the defaults of the others, together with
+    the expression."""
 
     pattern = "{expression}"
 
@@ -146,7 +147,7 @@ class Calculated(Quantity, kind=""):
 
     @property
     def plain(self) -> Quantity:
-        """The value alone, as in a case."""
+        """The value without its expression, as a case has it."""
         return Quantity(value=self.value, unit=self.unit)
 
 
@@ -157,7 +158,7 @@ def _adapter(also: tuple[type[Item], ...]) -> TypeAdapter[Any]:
 
 
 class WrongDimensionError(ValueError):
-    """Raised for a value of another dimension than the needed one."""
+    """Raised for a value whose dimension is not the needed one."""
 
     def __init__(self, value: Quantity, needed: Dimension) -> None:
         written = f"{value.value:f} {value.unit or '(no unit)'}"
@@ -167,7 +168,7 @@ class WrongDimensionError(ValueError):
 
 @dataclass(frozen=True)
 class OfDimension:
-    """Marks a type of values: they have this dimension (None: any), and a count is a whole number.
+    """Marks the type of values of one dimension (None: any dimension); a count is a whole number.
 
     `checks.values` checks parameters and expressions, because it knows the types of the parameters.
 
@@ -219,7 +220,7 @@ Turn = Literal["straight", "left", "right", "back"]
 
 
 class Point(Phrase):
-    """`(61.90 m, 101.55 m)`: world coordinates, x east, y north."""
+    """`(61.90 m, 101.55 m)`: a point in world coordinates, x to the east and y to the north."""
 
     pattern = "({x}, {y})"
 
@@ -235,8 +236,8 @@ class AlongEdge(Phrase):
 
     pattern = "{at} along {edge} [offset {offset}]"
     words = """
-        along (link): a distance on an edge or on an actor's route | 20 m along ego.route
-        offset (link): to the side, left positive | 30 m along west offset 1 m
+        along (link): before the edge or the actor's route on which a distance is measured | 20 m along ego.route
+        offset (link): before a lateral distance, left positive | 30 m along west offset 1 m
     """
 
     edge: RoadId
@@ -263,8 +264,8 @@ class PastJunction(Phrase):
 
     pattern = "{at} {side} {junction} on {actor}.route [offset {offset}]"
     words = """
-        past (link): a distance behind a junction | 12 m past j4 on ego.route
-        on (link): on whose route | 12 m past j4 on ego.route
+        past (link): before the junction behind which a distance is measured | 12 m past j4 on ego.route
+        on (link): before the road or the actor's route that has the place | 12 m past j4 on ego.route
     """
 
     actor: ActorName
@@ -293,7 +294,7 @@ class AheadOf(Phrase):
 
 
 class BehindOf(Phrase):
-    """`10 m behind bus offset 1 m`: from an actor's rear back along its way."""
+    """`10 m behind bus offset 1 m`: a distance from an actor's rear, backwards along its way."""
 
     pattern = "{at} behind {actor} [offset {offset}]"
     words = """
@@ -321,8 +322,8 @@ class PlaceOf(Phrase):
 
     pattern = "the place of {actor}"
     words = """
-        the (link): begins `the place of` | ego within 5 m of the place of bus
-        place (link): where an actor is | ego within 5 m of the place of bus
+        the (link): the first word of `the place of` | ego within 5 m of the place of bus
+        place (link): the position of an actor | ego within 5 m of the place of bus
     """
 
     actor: ActorName

@@ -1,1 +1,1 @@
-"""Files joined to test cases: addresses, catalogues, extension, expansion, parameters."""
+"""Joins files to test cases: resolves addresses, catalogues, extensions, clips, mutants and parameters."""

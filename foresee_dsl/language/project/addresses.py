@@ -21,11 +21,13 @@ FOREIGN_NETWORKS = (".net.xml", ".xodr")
 _MARKERS = (".git", ".hg", "pyproject.toml")
 """Names of files and folders that mark the topmost folder of a project."""
 _WITHOUT_GIT = ".gitattributes"
-"""The marker that `foresee init` writes before there is a repository; in a repository any folder may have it."""
+"""Marker that `foresee init` writes before there is a repository. In a repository any folder may have it, so it marks
+no project there."""
 _FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models|campaign)\b")
 _HEADER = re.compile(r"foresee\s+\d+$")
 _SNIFFED_BYTES = 65_536
-"""Number of bytes in which the keyword is looked for; enough for a long licence comment before it (ours)."""
+"""Number of bytes at the beginning of a file in which the keyword is searched; enough for a long licence comment before
+it (ours)."""
 
 
 def parse_address(address: str) -> tuple[Path, str | None]:
@@ -62,7 +64,7 @@ def kind_of(path: Path) -> str:
 
 
 def kind_of_text(text: str) -> str:
-    """Return the kind of definition in a text by its first keyword; "" if unclear."""
+    """Return the kind of definition in a text by its first keyword; "" if the text has none."""
     for line in text.lstrip("\ufeff").splitlines():
         statement = line.partition("#")[0].strip()
         if statement and not _HEADER.match(statement):
@@ -126,7 +128,7 @@ def near_files(path: Path) -> HelpText:
 
 
 _MOST_FILES = 200
-"""Maximum number of files whose names are compared (ours: some milliseconds)."""
+"""Maximum number of files whose names are compared with a missing one (ours: some milliseconds)."""
 
 
 def _elsewhere(path: Path) -> HelpText:
@@ -179,7 +181,7 @@ def relative_to(folder: Path, path: Path) -> str:
     """Return `path` relative to `folder`, with forward slashes, as a file in that folder writes it."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # another drive, on Windows
+    except ValueError:  # on Windows, a path on another drive cannot be relative
         return path.as_posix()
 
 
@@ -192,5 +194,5 @@ def _under(folder: Path) -> list[Path]:
 
 
 def mistake(code: str, message: str, help: HelpText, path: str) -> InputError:
-    """Return the error with one diagnostic about a file as a whole."""
+    """Return an error with one diagnostic about a file as a whole."""
     return InputError((Diagnostic.of(code, message, help, path),))

@@ -17,7 +17,8 @@ CLASSES = (*VEHICLE_CLASSES, "bicycle", "pedestrian", "obstacle")
 """Every class of models: the part of a model's name before the dot."""
 
 SUM_SLACK_M = 0.0101
-"""Largest difference between overhangs plus wheelbase and the length, m: tables round each to a centimetre (ours)."""
+"""Largest difference between the length and the sum of overhangs and wheelbase, m: tables round each value to a
+centimetre (ours)."""
 
 CLASS_CRUISE_MPS = MappingProxyType({"pedestrian": 1.3, "bicycle": 15 / 3.6})
 """Cruise speed if neither the scenario nor the model gives one, m/s; other classes drive at the speed limit.
@@ -32,7 +33,7 @@ def entries(catalogue: m.Catalogue) -> dict[str, m.VehicleModel]:
 
 
 def cruise_speed_mps(model: m.VehicleModel) -> float | None:
-    """Return a model's cruise speed if the scenario gives none, m/s; None: the speed limit of the road."""
+    """Return a model's cruise speed if the scenario gives none, m/s; None if it drives at the road's speed limit."""
     stated = model.cruise_speed
     own = stated.si if isinstance(stated, m.Quantity) else CLASS_CRUISE_MPS.get(model.name.partition(".")[0])
     top = model.max_speed
@@ -53,9 +54,9 @@ def check_model(
     *,
     place: tuple[m.Item | None, str],
 ) -> None:
-    """Report a model that does not exist, or is of the wrong class for its actor (kind None: any class).
+    """Report a model that does not exist, or whose class does not fit its actor (kind None: any class fits).
 
-    `place`: the item and its field where the name is written: the actor, a case, or a change line.
+    `place` is the item and its field in which the name is written: an actor, a case, or a change line.
     """
     item, field = place
     if name not in models:

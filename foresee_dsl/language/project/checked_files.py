@@ -1,4 +1,4 @@
-"""Checks files of any kind for every error and warning that needs no network's geometry."""
+"""Checks files of any kind, and reports every error and warning that does not need a network's geometry."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ class Checked:
     cases: tuple[TestCase, ...]
     diagnostics: tuple[Diagnostic, ...]
     campaigns: tuple[Document, ...] = ()
-    """Campaign files without errors; the code that runs campaigns checks the names in them."""
+    """Campaign files without errors; the names in them are checked by the code that runs campaigns."""
 
 
 def check_paths(
     paths: Iterable[str], overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
 ) -> Checked:
-    """Check files, folders and addresses; every error is reported once, whatever else is wrong.
+    """Check files, folders and addresses; every error is reported once, and an error in one file does not hide those of
+    others.
 
-    Files without errors are also checked by the lints. `overlay`: texts that replace those on the disk, by absolute
-    path (an editor's unsaved texts). `allow_outside`: see `loading.load_test_case`.
+    Files without errors are also checked by the lints. `overlay` holds texts that replace those on the disk, by
+    absolute path (an editor's unsaved texts). For `allow_outside` see `loading.load_test_case`.
 
     Raises:
         InputError: a named file or folder does not exist.

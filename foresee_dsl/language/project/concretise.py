@@ -38,10 +38,12 @@ def cases(document: Document) -> tuple[str, ...]:
 
 
 def concretise(scenario: m.Scenario, case: str | None, *, document: Document | None = None) -> m.Scenario:
-    """Replace every reference by the value of a case, or else (and for None) by the parameter's default.
+    """Return a scenario in which the value of a case replaces every reference; a parameter that the case does not set
+    has its default.
 
-    The result has no `SETTLED` statements: parameters, requirements and cases. Items without references come back as
-    the same objects. `document` gives the errors their places.
+    Without a case (None), all parameters have their defaults. The result has no `SETTLED` statements: parameters,
+    requirements and cases. Items without references come back as the same objects. `document` gives the errors their
+    places.
     """
     findings = Findings(document)
     values = _values(scenario, case, findings)

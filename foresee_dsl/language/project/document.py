@@ -1,4 +1,5 @@
-"""The records of a parsed file, with its places and comments, and of a test case that is ready to compile."""
+"""The records of a parsed file, with the places of its items and its comments, and of a test case that is ready to
+compile."""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ class Comments:
 
     `before`: comment texts (without `#` and the space after it) on lines of their own; an empty string is a blank line
     between comments.
-    `blank_before`: a blank line stands in front. `after`: a comment at the end of the statement's first line.
-    `at_end`: comments before the closing brace of a block. `after_end`: a comment behind that brace.
+    `blank_before`: True if a blank line stands in front. `after`: the comment at the end of the statement's first line.
+    `at_end`: comments before the closing brace of a block. `after_end`: the comment behind that brace.
     """
 
     before: tuple[str, ...] = ()
@@ -30,10 +31,10 @@ class Comments:
 
 @dataclass(frozen=True)
 class Document:
-    """One `.foresee` file.
+    """One `.foresee` file that was read.
 
-    `spans` maps `(id(item), field)` to a place, field "" meaning the whole statement; the items stay alive through
-    `model`.
+    `spans` maps `(id(item), field)` to a place in the file; the field "" stands for the whole statement. The items stay
+    alive through `model`.
     `comments` maps a statement's path in the model (`("body", 3)`, `("body", 3, "actions", 0)`) to its comments; the
     path `()` is the definition itself, `("header",)` the line `foresee 1`, and `("end",)` what follows the last brace.
     A line that is one field of a statement (a road's `lanes 2`) has the field's name: `("body", 3, "lanes")`.
@@ -45,13 +46,14 @@ class Document:
     spans: Mapping[tuple[int, str], Span] = field(default_factory=dict)
     comments: Mapping[tuple[str | int, ...], Comments] = field(default_factory=dict)
     base: Document | None = None
-    """For a scenario that extends another: the other's document. `model` is then the joined scenario, and `written`
-    the definition in this file."""
+    """For a scenario that extends another, the document of the other. `model` is then the joined scenario, and
+    `written` the definition in this file."""
     written: m.Definition | None = None
     calculates: bool = False
     """True if the file has expressions."""
     alive: tuple[m.Item, ...] = ()
-    """Items with an id in `spans` that `model` does not hold: an id is unique only while its item exists."""
+    """Items that have an id in `spans` but are not in `model`. They are kept, because an id is unique only while its
+    item exists."""
 
     def span(self, item: m.Item, name: str = "") -> Span | None:
         """Return the place of an item or one of its fields; of the whole item if the field has no place."""
@@ -116,18 +118,18 @@ class TestCase:
 
     @property
     def family(self) -> str:
-        """The paper's family ("3", "4", "7", "8", "9"), empty when the scenario has no such tag."""
+        """The paper's family ("3", "4", "7", "8", "9"), or "" if the scenario has no such tag."""
         return self.scenario.family
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A mistake that shows only once the network is known (off the road, on top of another actor, unreachable).
+    """An error that shows only once the network is known, such as an actor off the road or on top of another one.
 
-    `actor`: its name, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
+    `actor`: name of the actor, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
     (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `about`: the name in that statement that is at
-    fault, if it is one; `part`: the place or value; `field`: of the name, where others in the statement may be called
-    the same. `compile.compiler.diagnose` turns it into a `Diagnostic`.
+    fault, if there is one. `part`: the place or value that is at fault. `field`: the field of the name, needed if
+    others in the statement may have the same name. `compile.compiler.diagnose` turns it into a `Diagnostic`.
     """
 
     actor: str
@@ -138,7 +140,7 @@ class Problem:
     about: str = ""
     part: m.Item | None = None
     field: tuple[str, str] = ("", "")
-    """The kind of the item and its field; "" for any."""
+    """The kind of the item and its field that hold the name; "" for any."""
 
     @property
     def text(self) -> str:
@@ -147,7 +149,7 @@ class Problem:
 
 
 class PlacementError(Exception):
-    """Raised inside the compiler with all `Problem`s found; `compile_test_case` turns it into an `InputError`."""
+    """Raised inside the compiler with all `Problem`s; `compile_test_case` turns it into an `InputError`."""
 
     def __init__(self, problems: tuple[Problem, ...]) -> None:
         super().__init__("; ".join(p.text for p in problems))

@@ -88,7 +88,7 @@ def expand_mutant(
 
 
 def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenario) -> None:
-    """Report actors of expected results that are neither the clip's nor a door of one."""
+    """Report actors of expected results that are neither actors of the clip nor doors of such actors."""
     names = ["ego", *(actor.name for actor in clip.actors if actor.name != "ego")]
     doors = {m.door_name(name, side) for name in names for side in ("left", "right")}
     for item in mutant.body:
@@ -119,7 +119,7 @@ def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.Scenario
 
 
 def _essentials(clip: m.Clip, findings: Findings) -> tuple[m.Ego, m.Quantity]:
-    """Return the ego and the window's length, or raise what is missing."""
+    """Return the ego and the window's length; raise an error about what is missing."""
     ego, window = _first(clip, m.Ego), _first(clip, m.Window)
     ego_usage = "ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }"
     for word, usage, item in (("ego", ego_usage, ego), ("window", "window 12.40 s..22.40 s", window)):

@@ -26,7 +26,7 @@ _SINGLE = ("ego", "network", "weather", "end")
 
 
 def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
-    """Join a scenario with the one that it extends, which may be an extension that was joined itself.
+    """Return a scenario joined with the one that it extends; the latter may be an extension that was joined itself.
 
     The extension's lines are applied in their order. The other's remaining statements keep their order, and added ones
     come after them. Words in the extension that are not parameters of the result become plain names. Paths in the
@@ -34,7 +34,7 @@ def extended(document: Document, parent: Document, *, folder: Path, parent_folde
 
     Returns:
         A document whose model is a `Scenario`, with the path of the extension's file. Errors in the other's statements
-        are placed at `extends`. Its `written` is the extension.
+            are placed at `extends`. Its `written` is the extension.
     """
     return _Joiner(document, parent, folder, parent_folder).joined()
 
@@ -207,7 +207,7 @@ class _Joiner:
         return new
 
     def _plain(self, item: _ItemT) -> _ItemT:
-        """Return an item whose words that are not parameters are plain names, wherever its class allows a name."""
+        """Return an item in which words that are not parameters are plain names, wherever its class allows a name."""
         fields = {name: getattr(item, name) for name in type(item).model_fields}
         plain = {name: self._plain_part(value) for name, value in fields.items()}
         new = _accepted(item, fields, {name: value for name, value in plain.items() if value is not fields[name]})
@@ -224,7 +224,8 @@ class _Joiner:
         return self._plain(part) if isinstance(part, m.Item) else part
 
     def _place(self, spans: dict[tuple[int, str], Span], new: m.Item, old: m.Item, *, whole: bool = False) -> None:
-        """Record the places of an old item for a new one; `whole`: the old item's place for each field."""
+        """Record the places of an old item for a new one; with `whole`, every field gets the place of the whole old
+        item."""
         self._alive += (new, old)
         fields = [""]
         for name in () if whole else type(new).model_fields:
@@ -234,7 +235,8 @@ class _Joiner:
 
 
 def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object]) -> _ItemT:
-    """Return the item with the changes that its class allows: a word stays a reference where no name is allowed."""
+    """Return the item with the changes that its class allows: a word stays a reference if its field does not allow a
+    name."""
     if not changed:
         return item
     try:

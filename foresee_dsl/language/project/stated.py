@@ -11,11 +11,12 @@ from foresee_dsl.language.traversal import walk
 
 _T = TypeVar("_T", bound=m.Item)
 Moved = Callable[[m.Item, m.Item], None]
-"""Callback for every replaced item: (old item, new item)."""
+"""A function that is called for every replaced item with (old item, new item)."""
 
 
 def settled_again(name: str, body: Sequence[m.ScenarioItem], moved: Moved) -> tuple[m.ScenarioItem, ...]:
-    """Return the statements of a scenario with those of its parameters recalculated; the same if none are calculated.
+    """Return the statements of a scenario, with the values of its parameters recalculated; the same statements if none
+    are calculated.
 
     Raises:
         ExpressionError: a calculation has no result with these defaults.

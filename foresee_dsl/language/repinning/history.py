@@ -30,22 +30,22 @@ _SETTINGS = (
     f"core.attributesFile={os.devnull}", "diff.external=", "gc.auto=0", "maintenance.auto=false",
     "submodule.recurse=false", "protocol.allow=never",
 )  # fmt: skip
-"""Safe values for the settings that name programs by git(1), as `-c` options, which override the repository's own."""
+"""Options of git, given with `-c`, that override a repository's settings which name programs, by git(1)."""
 _ENVIRONMENT = {
-    "GIT_ALLOW_PROTOCOL": "none",  # nothing is fetched: a partial clone's remote may be a command
-    "GIT_NO_LAZY_FETCH": "1",  # the same, from git 2.45 on
+    "GIT_ALLOW_PROTOCOL": "none",  # nothing is fetched, because the remote of a partial clone may be a command
+    "GIT_NO_LAZY_FETCH": "1",  # this variable does the same from git 2.45 on
     "GIT_TERMINAL_PROMPT": "0",
     "GIT_OPTIONAL_LOCKS": "0",
 }
 _PLAIN = ("--no-show-signature", "--no-ext-diff", "--no-textconv", "--no-notes")
-"""Options of `git log` against signatures and programs that show differences."""
+"""Options of `git log` that switch off signatures and programs that show differences."""
 _USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
-"""Files that a `.foresee` file may use: every string that looks like one."""
+"""Matches the files that a `.foresee` file may use: every string that looks like one."""
 
 
 @dataclass(frozen=True)
 class OldParent:
-    """A parent as it was when a derived file pinned it, and the (abbreviated) commit that has it."""
+    """A parent as it was when a derived file pinned it, and the (abbreviated) commit that contains it."""
 
     case: TestCase
     commit: str
@@ -98,7 +98,7 @@ class _Version:
         self._project: Project | None = None
 
     def case(self, case: str | None) -> TestCase | None:
-        """Load the test case; None if it did not exist, or had errors, so that no derived file can have pinned it."""
+        """Return the test case; None if it did not exist or had errors, so that no derived file can have pinned it."""
         if self._project is None:
             for file, content in _files_then(self._root, self.commit, self._name).items():
                 (self._folder / file).parent.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,5 @@
-"""Re-pins stale derived files (clips and mutants): finds the effect of a parent's edit on each of them, and the new pin
-if the file is still valid."""
+"""Re-pins stale derived files (clips and mutants): shows how a parent's edit affects each of them, and writes the new
+pin if the file is still valid."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ Validate = Callable[[TestCase], Sequence[Diagnostic]]
 
 
 class State(StrEnum):
-    """State of a derived file, which decides what can be done."""
+    """State of a derived file, which determines what can be done."""
 
     FRESH = "fresh"
-    """Its pin is up to date."""
+    """The pin is up to date."""
     STALE = "stale"
-    """Its parent changed, and the derived file is valid with the new pin."""
+    """The parent changed, and the derived file is valid with the new pin."""
     CONFLICT = "conflict"
-    """Its parent changed so that the derived file is no longer valid: not re-pinned."""
+    """The parent changed so that the derived file is no longer valid; it is not re-pinned."""
     BLOCKED = "blocked"
-    """Its parent is stale too, and is not or cannot be re-pinned."""
+    """The parent is stale too, and is not or cannot be re-pinned."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def with_pin(text: str, document: Document, pin: str) -> str:
     span = document.span(model, "pin")
     if not isinstance(model, m.Clip | m.Mutant) or span is None:
         raise TypeError("only clips and mutants have a pin")
-    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
+    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends alternate
     at = 2 * (span.line - 1)
     line = lines[at]
     lines[at] = line[: span.column - 1] + line[span.column - 1 :].replace(model.pin, pin, 1)
@@ -214,7 +214,7 @@ class _Planner:
         return self._compared(derived, document, pinned.case if pinned is not None else None, now)
 
     def _parent(self, address: str, before: DerivedFile | None) -> TestCase:
-        """Return the parent as it will be: with the pin that it gets in this very call."""
+        """Return the parent as it will be after this call, with the pin that the call gives it."""
         if before is None:
             return self._strict.test_case(address)
         now = before.new if before.new is not None else self._strict.test_case(address)
@@ -274,9 +274,9 @@ def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnost
 
 
 def describe(derived: DerivedFile, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
-    """Return the report about one derived file; empty if it is up to date.
+    """Return the report about one derived file; "" if its pin is up to date.
 
-    `verdict`: the verdicts of its runs under the old parent ("" if unknown) and under the new one.
+    `verdict` holds the verdicts of its runs under the old parent ("" if unknown) and under the new one.
     """
     if derived.state is State.FRESH:
         return ""

@@ -1,1 +1,2 @@
-"""Logical scenarios: drawn values (`draws`), `require` (`requirements`), what of the ranges is reached (`coverage`)."""
+"""Draws cases of logical scenarios, evaluates `require`, and computes how much of the parameters' ranges the cases
+cover."""

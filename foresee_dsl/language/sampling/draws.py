@@ -28,29 +28,30 @@ from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import UNITS
 
 MAX_CASES = 10_000
-"""Maximum number of cases of one statement (ours: at 25 ms a run on two cores, two minutes; more is likely an
+"""Maximum number of cases of one statement (ours: at 25 ms a run on two cores they take two minutes; more is likely an
 error)."""
 MAX_TRIES = 10_000
 """Maximum number of draws for one case until it satisfies every `require` (ours: a tenth of a second)."""
 _TRIES_OF_A_COMBINATION = 100
 """Number of draws of the other parameters for one combination of the grids before the next combination (ours)."""
 _FREE_DIGITS = 3
-"""Without a step, values have this many digits after the leading one of the range's width: `0 s..4 s` in
+"""Number of digits after the leading one of the range's width that values without a step have: `0 s..4 s` is drawn in
 milliseconds, `10 m..60 m` in centimetres (ours: a thousand values at least, and none that is tedious to read)."""
 _BITS = 64
-"""Width of a random number."""
+"""Number of bits of a random number."""
 _SLACK = Decimal("1e-6")
-"""Shortfall of a range below a whole number of steps, in steps, that counts as rounding (as `check_parameters`)."""
+"""Largest shortfall of a range below a whole number of steps, in steps, that is attributed to rounding (as in
+`check_parameters`)."""
 _EXACT = 12
-"""Significant digits for a range with mixed units (ours: fewer than a float has, far finer than any step)."""
+"""Number of significant digits for a range with mixed units (ours: fewer than a float has, far finer than any step)."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """The values that a parameter can be drawn from: its options, or else steps of its range.
+    """The values from which a parameter is drawn: its options, or else the steps of its range.
 
     Attributes:
-        low, step: of a range, in `unit`.
+        low, step: lowest value and step of a range, in `unit`.
         size: number of values.
         stepped: True if the author wrote the step (or options).
     """
@@ -64,7 +65,7 @@ class Axis:
     stepped: bool = True
 
     def value(self, k: int) -> m.ParamValue:
-        """Return the value number `k`, from 0."""
+        """Return the value with the index `k`, counted from 0."""
         if self.options is not None:
             return self.options[k]
         return m.Quantity(value=self.low + k * self.step, unit=self.unit)
@@ -116,12 +117,13 @@ def draw(scenario: m.Scenario, cases: m.Cases) -> tuple[m.Case, ...]:
 
 
 class TooFewError(Exception):
-    """Too few draws satisfy every `require`; the message has their number and the requirement that failed most."""
+    """Raised if too few draws satisfy every `require`; the message has their number and the requirement that failed
+    most often."""
 
 
 def with_drawn_cases(document: Document) -> Document:
-    """Return the scenario with its drawn cases, whose place is their `cases` statement; the same document if it draws
-    none."""
+    """Return the scenario's document with its drawn cases, placed at their `cases` statement; the same document if it
+    draws none."""
     scenario = document.model
     if not isinstance(scenario, m.Scenario) or not scenario.all(m.Cases):
         return document
@@ -181,7 +183,7 @@ class _Drawer:
         while attempt < MAX_TRIES:
             certain = self._fixed | self._gridded()
             tries = _TRIES_OF_A_COMBINATION if self._grid else MAX_TRIES
-            if not self._free or self._violated(certain):  # the grids' values alone decide it
+            if not self._free or self._violated(certain):  # the values of the grids alone decide the result
                 tries = 1
             for _ in range(min(tries, MAX_TRIES - attempt)):
                 values = certain | {p.name: _drawn(p, a, self._seed, case, attempt) for p, a in self._free}
@@ -197,7 +199,8 @@ class _Drawer:
         return None
 
     def _violated(self, values: Mapping[str, m.ParamValue]) -> list[int]:
-        """Return the indices of the requirements that some values violate, whatever the others will be."""
+        """Return the indices of the requirements that some values violate, whatever the values of the other parameters
+        will be."""
         return [k for k, require in enumerate(self._requires) if holds(require.condition, values) is False]
 
     def complaint(self, valid: int, wanted: int) -> str:
@@ -243,12 +246,12 @@ def _normal(bits: int, axis: Axis, normal: m.Normal) -> int:
     It uses the inverse of the distribution function, so that one random number gives one value, however much is cut
     off.
     """
-    from statistics import NormalDist  # here: few files draw from it, and all would pay for its import
+    from statistics import NormalDist  # imported here, because few files draw from it and all would pay for its import
 
     high = axis.low + (axis.size - 1) * axis.step
     bell = NormalDist(float(_in_unit(normal.mean, axis.unit)), float(_in_unit(normal.deviation, axis.unit)))
     least, most = bell.cdf(float(axis.low)), bell.cdf(float(high))
-    share = least + (most - least) * ((bits >> 11) + 0.5) / (1 << (_BITS - 11))  # 53 bits: what a float holds
+    share = least + (most - least) * ((bits >> 11) + 0.5) / (1 << (_BITS - 11))  # a float holds 53 bits
     if not 0.0 < share < 1.0:
         return 0 if share <= 0.0 else axis.size - 1
     steps = (bell.inv_cdf(share) - float(axis.low)) / float(axis.step)
@@ -270,7 +273,7 @@ _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyT
 
 
 def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | None:
-    """Return whether a condition of a `require` holds; None if these values do not decide it.
+    """Return whether a condition of a `require` holds; None if these values do not determine it.
 
     Quantities are compared by their SI value, to as many digits as the hash of a meaning uses: `7.2 km/h` is `2 m/s`.
     """
@@ -287,7 +290,7 @@ def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | 
         case m.Both(conditions=several) | m.Either(conditions=several):
             decides, results = isinstance(condition, m.Either), {holds(part, values) for part in several}
             return decides if decides in results else None if None in results else not decides
-    return None  # about the run: the checks report it
+    return None  # the condition is about the run, which the checks report
 
 
 def requirement_text(require: m.Require) -> str:
@@ -311,7 +314,8 @@ def parameters_of(condition: m.Condition) -> Iterator[str]:
 
 
 def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
-    """Return a value to the significant digits of meanings; None if a parameter has no value yet.
+    """Return a value in SI units, rounded to as many digits as meanings are compared by; None if a parameter has no
+    value yet.
 
     A calculation without a result (a division by zero) is NaN, so that every comparison with it fails.
     """
@@ -335,7 +339,7 @@ fine enough to tell low, middle and high, and a few hundred cases can cover a hu
 
 @dataclass(frozen=True)
 class Reach:
-    """Coverage of one parameter by the cases.
+    """How much of one parameter's range or options the cases cover.
 
     Attributes:
         name: name of the parameter.
@@ -354,7 +358,7 @@ class Reach:
 
 @dataclass(frozen=True)
 class Coverage:
-    """Coverage of all ranges by some cases.
+    """How much of all ranges and options some cases cover.
 
     Attributes:
         cases: number of cases.
@@ -372,7 +376,7 @@ class Coverage:
 
 
 def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
-    """Return the coverage of the ranges by some cases; a case has the default of a parameter that it does not set."""
+    """Return how much of the ranges some cases cover; a parameter that a case does not set has its default."""
     values = [values_of(scenario, case) for case in cases]
     axes = [axis for param in scenario.all(m.Param) if (axis := axis_of(param)) is not None]
     taken = {axis.name: [axis.position(each[axis.name]) for each in values] for axis in axes}
@@ -403,5 +407,5 @@ def _parts(axis: Axis) -> int:
 
 
 def _part(axis: Axis, k: int) -> int:
-    """Return the index of the part of a range that has the value with index `k`."""
+    """Return the index of the part of a range that contains the value with index `k`."""
     return k * _parts(axis) // axis.size

@@ -1,1 +1,1 @@
-"""The layout of objects on a written network's roads: the pieces of cut edges, and the roads of each roundabout."""
+"""Computes where the objects on a written network's roads cut its edges, and which roads meet at each roundabout."""

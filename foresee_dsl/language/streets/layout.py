@@ -30,18 +30,19 @@ BAY_ENTRY, BAY_EXIT = 5.0, 4.0
 """Length of a bay's tapers, as a multiple of its width: entry 1 in 5 and exit 1 in 4 (Roads Service and Translink, Bus
 Stop Design Guide, 2005, paragraph 8.17)."""
 BAY_STRAIGHT_M = 20.0
-"""A bay goes straight on for this length between its entry taper and the stop, m. Ours: a bus of 12 m that comes with
-50 km/h to a stop of 20 m then stands 1 degree askew, and a car close behind it passes with 0.6 m to spare; without it,
-4.7 degrees, and the two touch."""
+"""Length over which a bay goes straight on between its entry taper and the stop, m. Ours: a bus of 12 m that comes with
+50 km/h to a stop of 20 m then stands 1 degree askew, and a car close behind it passes with 0.6 m to spare; without this
+length it stands 4.7 degrees askew, and the two touch."""
 
 OnRoads = m.Zebra | m.Bump | m.LaneEnd | m.OnRamp | m.OffRamp | m.BusStop
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut of an edge: its length along the edge, m, its node (a junction of SUMO), and the statement that causes it.
+    """A cut of an edge: its position along the edge, m, its node (a junction of SUMO), and the statement that causes
+    it.
 
-    `last`: True for the statement's second cut, at the end of its object.
+    `last` is True for the statement's second cut, at the end of its object.
     """
 
     at_m: float
@@ -63,7 +64,7 @@ class Directed:
 
     @property
     def back(self) -> bool:
-        """Whether it runs against the road's own direction."""
+        """True if it runs against the road's own direction."""
         return self.id != self.road.name
 
     @property
@@ -109,7 +110,7 @@ class Ring:
         return tuple(f"{self.item.name}#{k}" for k in range(1, len(self.arms) + 1))
 
     def place(self, angle_rad: float, radius_m: float | None = None) -> XY:
-        """Return a place on it."""
+        """Return the point at an angle of the ring; without a radius, in the middle of the carriageway."""
         radius = self.radius_m if radius_m is None else radius_m
         return self.centre[0] + radius * math.cos(angle_rad), self.centre[1] + radius * math.sin(angle_rad)
 
@@ -217,13 +218,13 @@ def _cuts(item: OnRoads, edges: Mapping[str, Directed]) -> Iterator[tuple[str, C
 
 
 def bay_of(stop: m.BusStop, edge_m: float) -> tuple[float, float]:
-    """Return where the bay of a bus stop begins and ends along its edge, m, with both tapers.
+    """Return the positions along its edge at which the bay of a bus stop begins and ends, m, including both tapers.
 
-    SUMO's lanes do not widen: the bay has its full width there too.
+    SUMO's lanes do not widen: the bay has its full width on the tapers too.
 
     Args:
         stop: a stop with a bay.
-        edge_m: length of its edge.
+        edge_m: length of its edge, m.
     """
     at_m, bay_m = number(stop.at), number(stop.bay)
     front_m = at_m if at_m >= 0 else edge_m + at_m
@@ -243,7 +244,8 @@ def parts_of(network: m.Network) -> Mapping[str, tuple[str, ...]]:
 
 
 def joints_of(network: m.Network) -> frozenset[str]:
-    """Return the nodes at which an edge is only cut: where a lane or a bay begins or ends, which no scenario names."""
+    """Return the nodes that only cut an edge, because a lane or a bay begins or ends there; no scenario can name
+    them."""
     cuts = (cut for edge in directed(network) for cut in edge.cuts)
     return frozenset(
         cut.node for cut in cuts if isinstance(cut.item, m.LaneEnd | m.BusStop) or _is_far_end_of_ramp(cut)
@@ -255,8 +257,10 @@ def _is_far_end_of_ramp(cut: Cut) -> bool:
 
 
 def joined_by_name(network: m.Network) -> Iterator[tuple[str, str, str]]:
-    """Yield (edge, start, end) of all edges by the names that a scenario uses: rings are one junction, edges are whole,
-    but cut at what can be named (a zebra crossing, a bump, a ramp)."""
+    """Yield (edge, start, end) of all edges by the names that a scenario uses.
+
+    A ring is one junction. An edge is whole, but cut at objects that have a name: a zebra crossing, a bump, a ramp.
+    """
     rings = rings_of(network)
     ring_of = {node: ring.item.name for ring in rings.values() for node in ring.nodes}
     for edge in directed(network, rings):
@@ -271,6 +275,6 @@ def joined_by_name(network: m.Network) -> Iterator[tuple[str, str, str]]:
 
 
 def named_junctions(network: m.Network) -> Sequence[str]:
-    """Return the names of everything that is a junction to a scenario."""
+    """Return the names of everything that a scenario can name as a junction."""
     kinds = m.Junction | m.Roundabout | m.Zebra | m.Bump | m.OnRamp | m.OffRamp
     return [item.name for item in network.body if isinstance(item, kinds)]

@@ -1,4 +1,4 @@
-"""Roads' lines as plain numbers: lengths, points along them, lines beside them."""
+"""Computes with the lines of roads as plain numbers: lengths, points along them, and lines beside them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ XY = tuple[float, float]
 
 
 def number(value: m.Value | None, default: float = 0.0) -> float:
-    """Return a value in SI units; the default for one that is absent, or not known (a parameter)."""
+    """Return a value in SI units; the default if the value is absent, or not known because it is a parameter."""
     return value.si if isinstance(value, m.Quantity) else default
 
 
@@ -33,7 +33,8 @@ def marks(line: Sequence[XY]) -> list[float]:
 
 
 def at(line: Sequence[XY], s: float) -> tuple[XY, float]:
-    """Return the point at a length along a line, and the heading there, rad; beyond an end, straight on."""
+    """Return the point at a length along a line, m, and the heading there, rad; beyond an end, the line continues
+    straight."""
     along = marks(line)
     k = next((k for k in range(1, len(line)) if s <= along[k]), len(line) - 1)
     (x0, y0), (x1, y1) = line[k - 1], line[k]
@@ -49,7 +50,7 @@ def beside(point: XY, heading_rad: float, right_m: float, ahead_m: float = 0.0) 
 
 
 def with_points_at(line: Sequence[XY], lengths: Sequence[float]) -> list[XY]:
-    """Return a line with further points at some lengths, which change nothing of its course."""
+    """Return a line with additional points at some lengths; its course does not change."""
     along = marks(line)
     new = [(s, at(line, s)[0]) for s in lengths if all(abs(s - mark) > 1e-6 for mark in along)]
     return [point for _, point in sorted([*zip(along, line, strict=True), *dict(new).items()])]

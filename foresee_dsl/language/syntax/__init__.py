@@ -1,1 +1,2 @@
-"""Text to tree to model: the grammar's parser, nodes with places, comments; and the errors of a broken file."""
+"""Turns text into a tree and the tree into a model, with the places of all parts, and explains the errors of a broken
+file."""

@@ -21,7 +21,7 @@ _SHOWN = 40
 
 
 class Builder:
-    """Builds a model from nodes, bottom up; continues after an error, so that `errors` has all of them."""
+    """Builds a model from nodes, bottom up. It continues after an error, so that `errors` holds all of them."""
 
     def __init__(self, *, partial: bool = False) -> None:
         """Make a builder; `partial`: parts of the tree are missing, so a missing field is not an error."""
@@ -66,7 +66,7 @@ class Builder:
     def _explain(self, node: Node, error: ValidationError, failed: set[str]) -> None:
         """Turn the validation errors of one item into text errors, one for each field."""
         if not node.fields:
-            return  # nested too deeply, which is reported at its place
+            return  # a part is nested too deeply, which is reported at its place
         seen: set[str] = set()
         for detail in error.errors(include_url=False):
             field = str(detail["loc"][0]) if detail["loc"] else ""
@@ -183,7 +183,7 @@ def _what(node: Node) -> str:
 
 
 def _head(node: Node) -> Span:
-    """Return the place of a statement up to its brace, because a whole underlined block would be unreadable."""
+    """Return the place of a statement up to its brace; underlining a whole block would be unreadable."""
     if node.block is None:
         return node.span
     return Span(node.span.line, node.span.column, node.block.line, node.block.column)

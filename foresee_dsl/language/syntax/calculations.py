@@ -1,4 +1,5 @@
-"""Turns the flat list of a calculation into nodes: `*` and `/` bind stronger than `+` and `-`, from the left."""
+"""Turns the flat list of a calculation into nodes: `*` and `/` bind stronger than `+` and `-`, and equal ones from the
+left."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ _STRONG = ("*", "/")
 
 
 def calculation(operands: Sequence[tuple[Node, Span]], signs: Sequence[tuple[str, Span]]) -> Node:
-    """Return the node of `a + b * c`, from its operands, each with its place including brackets, and the signs between
-    them."""
+    """Return the node of `a + b * c`, from its operands and the signs between them; each operand has its place,
+    including brackets."""
     terms, between = [operands[0]], []
     for sign, operand in zip(signs, operands[1:], strict=True):
         if sign[0] in _STRONG:

@@ -39,9 +39,9 @@ class _Entry:
 
 
 def attach(root: Node, header: Span, comments: Sequence[Comment], text: str) -> Mapping[Key, Comments]:
-    """Return the comments and blank lines of each statement that has any, by its path in the model.
+    """Return the comments and blank lines of each statement that has any, by the statement's path in the model.
 
-    `header`: the place of `foresee 1`. The comments are in order, and newlines in the text are `\\n`.
+    `header` is the place of `foresee 1`. The comments are in order, and newlines in the text are `\n`.
     """
     head = _Entry(HEADER, *_places(header))
     file = _Entry(END, (0, 0), (10**9, 0), ((0, 0), (10**9, 0)), [head, _entry((), root.span, root)])
@@ -82,7 +82,8 @@ def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
     if last is not None and last.block is not None and last.block[0] <= at < last.block[1]:
         return _place(last, at, text, own_line)
     if last is not None and at < last.end:
-        _behind(last, text, same_line=last.start[0] == at[0])  # a list that goes over several lines
+        # The comment is inside a list that goes over several lines.
+        _behind(last, text, same_line=last.start[0] == at[0])
     elif own_line:
         following = container.children[k] if k < len(container.children) else None
         (following.before if following is not None else container.at_end).append((at[0], text))
@@ -106,7 +107,7 @@ def _collect(container: _Entry, by_key: dict[Key, Comments]) -> None:
     previous = container.block[0][0] if container.block is not None else container.start[0]
     for child in container.children:
         before, blank = _with_gaps(child.before, previous, child.start[0])
-        _collect(child, by_key)  # first, because it finds the comments at the child's end
+        _collect(child, by_key)  # this comes first, because it finds the comments at the child's end
         at_end = by_key.get(child.key, Comments()).at_end
         by_key[child.key] = Comments(
             before=before, blank_before=blank, after=child.after, at_end=at_end, after_end=child.after_end
@@ -123,7 +124,8 @@ def _collect(container: _Entry, by_key: dict[Key, Comments]) -> None:
 def _with_gaps(
     comments: Sequence[tuple[int, str]], previous: int, following: int | None
 ) -> tuple[tuple[str, ...], bool]:
-    """Return comment texts with an empty string for each gap, and whether a gap stands before the first."""
+    """Return comment texts with an empty string for each gap between them, and whether there is a gap before the
+    first."""
     texts: list[str] = []
     blank = False
     placed = [(line, text) for line, text in comments if line]

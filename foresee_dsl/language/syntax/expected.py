@@ -1,4 +1,4 @@
-"""The terminals that the grammar expected at a place of a statement, in words for people."""
+"""Says in words for people which terminals the grammar expected at a place of a statement."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from foresee_dsl.language.units import Dimension
 
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
 REACH = 300
-"""Number of characters before the place in which patterns are searched (ours: names have at most 80; the search is
-quadratic)."""
+"""Number of characters before the place in which patterns are searched (ours: names have at most 80; the time of a
+search grows with the square of this number)."""
 _DEEP = 200
 """Size of the parser's stack above which no terminal is tried (ours: the bundled files reach 38)."""
 END = "the end of the statement"
 
 
 def expected(accepted: Set[str], text: str, start: int, *, place: bool) -> str:
-    """Return what is possible at a place of a statement's text, in words for people, the most helpful first.
+    """Return what may stand at a place of a statement's text, in words for people, the most helpful first.
 
-    `accepted`: names of the possible terminals. `place`: True if a point may begin there.
+    `accepted` holds the names of the possible terminals; `place` is True if a point may begin there.
     """
     words = words_of_terminals(accepted)
     signs = [sign for name in sorted(accepted) if (sign := text_of(name)) and not sign[0].isalpha()]
@@ -68,7 +68,7 @@ def _value(text: str, start: int, *, place: bool) -> str:
 
 
 def takes_a_place(error: UnexpectedInput) -> bool:
-    """Return whether a bracket at the place may begin a point: then a comma may follow `(1 m`."""
+    """Return whether a bracket at the place may begin a point; if so, a comma may follow `(1 m`."""
     state = getattr(error, "interactive_parser", None)
     if state is None:
         return False
@@ -116,7 +116,8 @@ def homes() -> Mapping[str, tuple[str, ...]]:
 
 @cache
 def _dimensions() -> Mapping[str, Dimension]:
-    """Return the dimension of the value that follows a word, by the patterns; for messages only, the model decides."""
+    """Return the dimension of the value that follows a word, by the patterns. It is only for messages: the model
+    decides."""
     dimensions: dict[str, Dimension] = {"(": "length"}
     for kind in m.ITEMS:
         for word, field in words_before(read_pattern(kind.pattern)):

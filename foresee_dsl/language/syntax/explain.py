@@ -1,4 +1,4 @@
-"""Messages for statements that the grammar refuses: first spelling errors, then what was expected, in plain words."""
+"""Words the messages for statements that the grammar refuses: first for spelling errors, then for what was expected."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
 _SHOWN = 40
 _QUANTITY = re.compile(r"-?\d+(?:\.\d+)?\s*(?P<unit>[%°]|[^\W\d][\w^²/]*)")
 _SIGNS = ("+", "-", "*", "/")
-"""Signs of calculations, which the lexer recognises at every place."""
+"""The signs of calculations, which the lexer recognises at every place."""
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
 
 _ABOUT_HERE = (
@@ -49,7 +49,7 @@ _ABOUT_HERE = (
     (re.compile(r"^expect\s+\w+\s+$"), "expect safe: never collision(ego)"),
     (re.compile(r"^when\s+(once\s+|every\s+|next\s+)?\w+\s+$"), "when late: ego.eta(j4) < 4 s { runner stops }"),
 )
-"""A pattern of the text before the place, and an example of the statement that it begins."""
+"""Patterns of the text before the place, each with an example of the statement that such a text begins."""
 _THEN = re.compile(r"then\s+(?P<rest>(?!when\b)[^{}]+)$")
 
 _OFTEN = (
@@ -66,7 +66,7 @@ _OFTEN = (
         "write " + write(r"within 60 s \g<rest>") + ", for example",
     ),
 )
-"""Frequent errors that the grammar notices only at a later word: a pattern, the message and the help."""
+"""Frequent errors that the grammar notices only at a later word, each with a pattern, a message and a help."""
 
 
 _OF_NETWORKS = ("network_item", "junction_item", "road_item", "roundabout_item", "ramp_item")
@@ -80,8 +80,8 @@ class Refusal:
     """
 
     def __init__(self, error: UnexpectedInput, text: str, rule: str) -> None:
-        """Explain Lark's error in a statement (its braces are empty) that was parsed with a rule such as
-        `actor_item`."""
+        """Explain Lark's error in a statement, whose braces are empty; `rule` is the rule by which it was parsed, such
+        as `actor_item`."""
         self._text = text
         self._rule = rule
         self._accepted = accepted_by(error)
@@ -123,7 +123,8 @@ class Refusal:
                 if not all(map(self._reads, written)):
                     help = "write it like " + write("expect never collision(ego)")
                 return "FS003", message, help
-        arrow = self._text.find("->", max(0, self.start - 1), self.start + 2)  # its `-` may have been read as a sign
+        # The `-` of `->` may have been read as a sign.
+        arrow = self._text.find("->", max(0, self.start - 1), self.start + 2)
         if arrow >= 0:
             self.start, self.end = arrow, arrow + 2
             return "FS015", "unexpected `->`", meant_code("=>")
@@ -207,8 +208,8 @@ class Refusal:
             yield f" < {EXAMPLES[m.MEASURED[measured[1]]]} "
 
     def _going_on(self) -> HelpText:
-        """Return a help that completes a statement that stops too early: a bracket, or the rest of its example; else
-        an empty text."""
+        """Return a help that completes a statement that ends too early: with a bracket, or with the rest of its
+        example; else an empty text."""
         closing = next((sign for sign in ")]" if self._reads(f"{self._text.rstrip()}{sign}")), "")
         if closing:
             return "close it with " + write(closing)
@@ -269,7 +270,7 @@ class Refusal:
         if before is None or isinstance(error, UnexpectedEOF):
             return False
         if before.start() == 0 and (self._rule != "action" or (self._is_word() and self.word != "when")):
-            return False  # the name of an actor, most likely
+            return False  # the word is most likely the name of an actor
         state: Any = parser().parse_interactive(self._text[: before.start()], start=self._rule)
         try:
             state.exhaust_lexer()

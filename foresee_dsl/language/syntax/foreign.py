@@ -1,7 +1,7 @@
-"""Recognises statements with words and signs of other languages, and tells how this language writes them.
+"""Recognises statements with words and signs of other languages, and says how this language writes them.
 
 The others are programming languages, Scenic, and ASAM OpenSCENARIO XML and DSL. Only statements that the grammar
-refused come here.
+refused are examined.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ _TURNS = re.compile(r"(?P<name>[^\W\d]\w*)\s+turns\s+(?P<colour>(?:to\s+)?(?:red
 
 
 def foreign(text: str, rule: str, at: int) -> Foreign | None:
-    """Return the message for a statement with words or signs of another language, or None; `at`: where the grammar
+    """Return the message for a statement with words or signs of another language, or None; `at` is where the grammar
     refused it."""
     word = re.match(r"[^\W\d]\w*", text)
     return (_statement(text, rule, word[0]) if word is not None else None) or sign(text, at) or inside(text, rule, at)
 
 
 def _statement(text: str, rule: str, word: str) -> Foreign | None:
-    """Return the message for a statement that its first words tell, or None."""
+    """Return the message for a statement that its first words identify as one of another language, or None."""
     if rule == "action":
         return _action(text, word)
     plain = text.removesuffix(" {}")
@@ -91,7 +91,7 @@ def _variable(text: str) -> Foreign | None:
         return None
     unit = UNITS.get(match["unit"] or "")
     param = f"param {match['name']}: {unit.dimension if unit is not None else 'ratio'} = {match['value'].strip()}"
-    message = f"`{match['all']}`: a value with a name is a parameter"
+    message = f"`{match['all']}`: write a value with a name as a parameter"
     return Foreign(0, len(match["all"]), message, meant_code(param))
 
 
@@ -238,8 +238,10 @@ _COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*|(?P<line>//[^\n]*)|(?P<block>/\*(?:.|
 
 
 def block_of(word: str) -> str | None:
-    """Return the rule for the statements in the braces behind a word of another language: "" if they cannot be read,
-    None for an unknown word."""
+    """Return the rule for the statements in the braces behind a word of another language.
+
+    It is "" if they cannot be read, and None for an unknown word.
+    """
     if word in OPENSCENARIO:
         return ""
     if word.lower() in ACTORS:

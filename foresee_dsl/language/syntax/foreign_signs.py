@@ -34,7 +34,7 @@ _SIGNS = (
     ("||", re.compile(r"\|\|?"), "or", ""),
     ("!", re.compile(r"!\s*(\w+)"), r"not \1", ""),
 )
-"""Signs that are words in this language: the sign, its pattern, and the word or else the help."""
+"""Signs that are words in this language: each sign with its pattern, and the word that replaces it or else the help."""
 
 _WEATHERS = re.compile(rf"weather\s+(?:.*?,\s*)?(?P<word>{'|'.join(WEATHER)})\b\s*(?=,|$)")
 _PERCENT = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)\s*%(?P<of>\s*of\b)?")
@@ -89,7 +89,7 @@ _OF_OURS = {
     ("minimum", 2): "min({0}, {1})",
     ("maximum", 2): "max({0}, {1})",
 }
-"""Functions of other languages, with their number of values, and how this language writes them."""
+"""Functions of other languages with their number of values, and the calculation of this language that replaces each."""
 
 
 def sign(text: str, at: int) -> Foreign | None:

@@ -13,7 +13,8 @@ CODE = "FS065"
 
 @dataclass(frozen=True, slots=True)
 class Foreign:
-    """The message for a statement in another language: the wrong part of its text (offsets), the message, the help."""
+    """The message for a statement in another language: the wrong part of its text (as offsets), the message, and the
+    help."""
 
     start: int
     end: int
@@ -176,7 +177,7 @@ UNSUPPORTED = (
         + write("bus_lane 3.5 m"),
     ),
 )
-"""Words for networks that the language leaves out on purpose, with the reason."""
+"""Words for features of networks that the language leaves out on purpose, each with the reason."""
 
 
 OF_ROADS = {
@@ -190,4 +191,4 @@ OF_ROADS = {
     **dict.fromkeys(("node", "intersection", "crossroads"), "junction"),
     **dict.fromkeys(("circle", "rotary", "traffic_circle"), "roundabout"),
 }
-"""Other names for parts of networks, with ours."""
+"""Names of network settings in other languages, each with the name in this one."""

@@ -1,4 +1,4 @@
-"""The parser for `grammars/foresee.lark`: built once, then read from a private cache."""
+"""Makes the parser for `grammars/foresee.lark`: it is built once, then read from a private cache."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PLACES = MappingProxyType(
 )
 """The name of each block in messages, by the rule of its statements."""
 STARTS = (*PLACES, *(m.rule_of(kind) for kind in get_args(m.Definition)))
-"""Rules of what a text is cut into: a statement of a block, a definition."""
+"""The rules by which pieces of a text are parsed: a statement of a block, or a definition."""
 
 
 class WholeWords:
@@ -57,8 +57,8 @@ class WholeWords:
 
 
 def parse_tree(text: str, start: str) -> Tree[Token]:
-    """Parse a statement or a definition (its newlines are `\\n`) with its rule, one of `STARTS`; or a whole file,
-    with `file`."""
+    """Parse a statement or a definition with its rule, one of `STARTS`, or a whole file with `file`; newlines in the
+    text are `\n`."""
     return parser().parse(text, start=start)
 
 

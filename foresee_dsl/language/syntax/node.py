@@ -14,12 +14,13 @@ Key = tuple[str | int, ...]
 
 @dataclass(slots=True)
 class Node:
-    """One future item of the model: its class, the place of the whole statement, and its fields.
+    """A part of the tree that becomes one item of the model: its class, the place of the whole statement, and its
+    fields.
 
     Attributes:
         fields: raw values by name: str, Decimal, bool, Node, or a tuple of these.
         places: the place of each field (`green`, and `green.1` for the second element).
-        lines: for each statement inside its braces: its key in the model's path, its place, and its node if it is an
+        lines: for each statement inside its braces, the key in the model's path, the place, and the node if it is an
             item itself.
         block: the place of its braces, if it has any.
     """

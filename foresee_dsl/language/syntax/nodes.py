@@ -25,14 +25,14 @@ _Child = _Tree | Token | None
 
 _BEHIND_SPEED = re.compile(r"(\w+)\.speed")
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
-"""A pattern's word behind an actor's name and a dot, such as `speed` in `ego.speed`."""
+"""Matches a pattern's word behind an actor's name and a dot, such as `speed` in `ego.speed`."""
 _MEANT_PROPERTIES = {
     **dict.fromkeys(("velocity", "v", "pace", "vel", "speed_mps"), "speed"),
     **dict.fromkeys(("accel", "deceleration", "decel", "a", "braking"), "acceleration"),
     **dict.fromkeys(("lateral_offset", "y_offset"), "offset"),
     **dict.fromkeys(("arrival", "time_to", "tta"), "eta"),
 }
-"""Names of properties in other languages, with ours."""
+"""Names of properties in other languages, each with the name in this one."""
 _PLACES_OF_ACTORS = ("x", "y", "position", "pos", "location", "place", "lane", "road", "edge", "junction")
 _READ_OFF = ("speed", "acceleration", "offset")
 """Measures of one actor that take no argument."""
@@ -113,7 +113,7 @@ class NodeMaker:
 
     def make(self, tree: _Tree) -> Node:
         """Return the node of a statement or value: its fields are those of the class's pattern, in that order."""
-        rule = str(tree.data)  # Lark's tokens are compared by a call in Python
+        rule = str(tree.data)  # comparing Lark's tokens would call a method in Python each time
         self._depth += rule in _NESTED
         self.calculates |= rule in _CALCULATED
         if self._depth > MAX_DEPTH:
@@ -129,7 +129,7 @@ class NodeMaker:
     # ---- the general case -----------------------------------------------------------------------------------------
 
     def _built_node(self, tree: _Tree, children: Sequence[_Child]) -> Node:
-        """Make a node of a tree's class; None among the children is an absent field."""
+        """Return the node of a tree's class; None among the children stands for an absent field."""
         node = Node(_KINDS[str(tree.data)], span_of(tree))
         slots = _slots_of(node.kind.pattern)
         node.fields |= {slot.field: () for slot in slots[len(children) :] if slot.between is not None}
@@ -186,7 +186,7 @@ class NodeMaker:
         name, place = str(word), span_of(setting)
         if name in node.fields:
             self._error("FS013", f"'{name}' is written twice", remove("keep one of the two"), place)
-        if value is None:  # `crossings` without a list
+        if value is None:  # `crossings` may stand without a list
             node.fields[name], node.places[name] = (), place
         else:
             self._put(node, name, value)
@@ -262,8 +262,10 @@ class NodeMaker:
         return self._built_node(tree, [_word_of_ref(child) for child in tree.children])
 
     def _dotted(self, token: Token, node: Node, name: str, properties: tuple[str, ...], argument: str = "") -> str:
-        """Split `ego.route`: put the actor into field `name` and return the property; report one not in `properties`
-        (empty: any)."""
+        """Put the actor of `ego.route` into the field `name` and return the property behind the dot.
+
+        A property that is not in `properties` is reported; if these are empty, any is accepted.
+        """
         actor, _, word = str(token).partition(".")
         node.fields[name] = actor
         whole = span_of(token)
@@ -348,7 +350,7 @@ class NodeMaker:
         return node
 
     def _change(self, tree: _Tree) -> Node:
-        what, *rest = tree.children  # WAS, NOW, from, for; fewer while the author still types
+        what, *rest = tree.children  # the values are WAS, NOW, from and for; fewer while the author still types
         node = self._built_node(tree, (None, None, *map(_word_of_ref, rest[:2]), *rest[2:]))
         token = _token(what)
         properties = m.changeable_of(str(token).partition(".")[0])

@@ -19,14 +19,15 @@ from foresee_dsl.language.units import SI_WORD, Dimension
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Ref)
 _Slot = tuple[Node, str, int | None]
-"""A value in a statement: its node, its field, and its index in a list."""
+"""A value in a statement, by its node, its field, and its index in a list (None if it is not in one)."""
 
 
 def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) -> list[TextError]:
-    """Replace each expression in the `param` and `cases` statements of a file by its result (with its text), and
+    """Replace each expression in the `param` and `cases` statements of a file by its result, which keeps its text;
     return the errors.
 
     Args:
+        statements: the statements.
         whole: True if every parameter is in this file (in an extension they are not).
         partial: True if some statements could not be read; calculations with their parameters then get an arbitrary
             value.
@@ -79,7 +80,7 @@ class _Settler:
             holder.fields[field] = (*values[:k], settled, *values[k + 1 :])
 
     def _result_node(self, raw: Node, holder: Node, asking: tuple[str, ...]) -> Node:
-        """Return the node of an expression with its result; an empty node, without a further error, if it has none."""
+        """Return the node of an expression with its result; if it has none, an empty node, without a further error."""
         nothing = Node(m.Quantity, raw.span)
         builder = Builder(partial=True)
         expression = builder.build(raw)

@@ -17,7 +17,8 @@ _VALUE = r"(?P<v>-?[0-9][^{}]*?)"
 
 @dataclass(frozen=True, slots=True)
 class Phrase:
-    """A phrase; the group `place` of its pattern is the wrong part, or the whole match without such a group.
+    """A phrase with its message. The group `place` of its pattern is the wrong part; without such a group, the whole
+    match is.
 
     Attributes:
         rules: the grammar's rules in whose place it is searched; empty for all.
@@ -78,7 +79,7 @@ PHRASES = (
     _phrase(
         TOP,
         r"^(?:when|expect|if)\b.*?(?P<place>\b(?P<a>[a-z]\w*)\s+(?:is\s+)?(?:near|close\s+to)\s+(?P<b>[a-z]\w*))",
-        "how near an actor must be is a length",
+        "write how near the actor must be as a length",
         meant_code(r"\g<a> within 10 m of \g<b>"),
     ),
     _phrase(
@@ -91,10 +92,10 @@ PHRASES = (
     _phrase(
         _ACTION,
         rf"^(?P<a>[a-z]\w*)\s+starts\s+(?P<place>(?:after|in|at)\s+{_VALUE}){_END}",
-        "an actor starts at once, or after its delay",
+        "`starts` takes no time: an actor starts at once, or after its `delay`",
         "write "
         + write(r"delay \g<v>")
-        + r" in the block of \g<a>; or here "
+        + r" in the block of \g<a>; or write here "
         + write(r"wait \g<v>")
         + ", and "
         + write(r"then { \g<a> starts }")
@@ -327,8 +328,8 @@ _HOLDS_ALWAYS = re.compile(r"[>]|\.speed\s*<|\.acceleration\s*<")
 
 
 def phrase(text: str, rule: str, reads: Callable[[str], bool]) -> Foreign | None:
-    """Return the message for a statement in a newcomer's words, or None; `reads`: tells whether a text is a valid
-    statement of this rule."""
+    """Return the message for a statement in a newcomer's words, or None; `reads` returns whether a text is a valid
+    statement."""
     expected = _expectation(text, reads) if rule in TOP else None
     if expected is not None:
         return expected
@@ -336,8 +337,8 @@ def phrase(text: str, rule: str, reads: Callable[[str], bool]) -> Foreign | None
 
 
 def _expectation(text: str, reads: Callable[[str], bool]) -> Foreign | None:
-    """Return the message for an expectation without its mode, or None. The help offers the mode that keeps the
-    author's meaning, never the opposite."""
+    """Return the message for an expectation without its mode, or None. The help offers the mode that keeps the author's
+    meaning, never the opposite one."""
     match = _EXPECTS.match(text)
     if match is None:
         return None

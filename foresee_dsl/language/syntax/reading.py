@@ -1,7 +1,7 @@
-"""Reads a text, good or bad: cuts it into statements by its braces and lines, and parses each with its rule.
+"""Reads a text, with or without errors: cuts it into statements by its braces and lines, and parses each with its rule.
 
-So an error in one statement leaves the tree of all others. The parser of files, the editor and the fuzzer read every
-text this way. Measured when it replaced a parser of whole files: the bundled scenarios take 1.05 times as long.
+So an error in one statement leaves the trees of all others intact. The parser of files, the editor and the fuzzer read
+every text this way. Measured when it replaced a parser of whole files: the bundled scenarios take 1.05 times as long.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from foresee_dsl.language.syntax.scan import MOST, Comment, Lines, Raw, scan
 
 _Tree = Tree[Token]
 _EXTENDS = re.compile(r"scenario\s+(?!\w+\s*\Z).*\bextends\b", re.DOTALL)
-"""The head of a scenario that extends another; a scenario may be called `extends`."""
+"""Matches the head of a scenario that extends another; a scenario may have the name `extends`."""
 _LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
 _NAME = re.compile(r"[^\W\d]\w*")
 _NO_HEAD = "write its statement in front, such as `ego: car.sedan { ... }`, or " + remove("remove the braces")
@@ -60,7 +60,7 @@ class Reading:
     """A text that was read.
 
     Attributes:
-        tree: the well-formed statements. errors: the errors of the others; no more than were asked for.
+        tree: the tree of the statements without errors. errors: the errors of the others, at most as many as requested.
         text: the text, with blanks in place of comments in the form of other languages. lines: its lines.
         statements: all its statements as text. comments: its comments, in order.
     """
@@ -74,13 +74,13 @@ class Reading:
 
 
 def read(text: str, most: int = MOST) -> Reading:
-    """Read a text (its newlines are `\\n`); stops after `most` errors."""
+    """Return a text as it was read (its newlines are `\n`); reading stops after `most` errors."""
     readable, foreign = without_comments(text)
     reader = _Reader(readable, most)
     tree = reader.tree()
     errors, lines = reader.errors, reader.lines
     if errors:
-        elses = {error.span for error in errors if error.code == CODE}  # `} else {`: one mistake
+        elses = {error.span for error in errors if error.code == CODE}  # `} else {` is reported as one error
         errors = [error for error in errors if error.code == CODE or error.span not in elses]
     others = [TextError(CODE, remark.message, remark.help, lines.span(remark.start, remark.end)) for remark in foreign]
     return Reading(tree, [*others, *errors], readable, lines, reader.statements, reader.comments)
@@ -95,7 +95,7 @@ class _Reader:
         self._depth = 0
 
     def tree(self) -> _Tree:
-        """Return the tree of the well-formed statements; `errors` then has those of the others."""
+        """Return the tree of the statements without errors; `errors` then has the errors of the others."""
         statements, broken_braces = self.statements, bool(self.errors)
         trees: list[_Tree | None] = []
         definitions = statements
@@ -243,7 +243,8 @@ def _one_of_the_definitions() -> Help:
 
 
 def _shift(tree: _Tree, lines: int, columns: int) -> None:
-    """Shift the positions in a tree by the place of its statement, given in lines and columns."""
+    """Move the positions in a tree, which count from its statement, to those in the file; `lines` and `columns` give
+    the statement's place."""
     trees = [tree]
     while trees:
         shifted = trees.pop()

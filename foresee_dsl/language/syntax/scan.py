@@ -1,4 +1,5 @@
-"""Cuts a text, good or bad, into statements by its braces and lines, so that each can be parsed on its own."""
+"""Cuts a text, with or without errors, into statements by its braces and lines, so that each can be parsed on its
+own."""
 
 from __future__ import annotations
 
@@ -20,11 +21,13 @@ _SECOND_WORD = re.compile(r"\w+\s+(\w+)")
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
 _ENDS_OF_LISTS = ("]", "{", "}", ";")
 MOST = 100
-"""The search stops after this many errors (ours: more are not read, and a broken file must not take minutes)."""
+"""Number of errors after which a text is not searched further (ours: more are not read, and a broken file must not take
+minutes)."""
 _SHOWN = 3
-"""At most this many unclosed blocks are reported one by one (ours: one missing brace can leave all blocks open)."""
+"""Maximum number of unclosed blocks that are reported one by one (ours: one missing brace can leave all blocks
+open)."""
 _PLAUSIBLE = 3
-"""More missing braces than this by indentation mean that the file is just not indented (ours)."""
+"""Number of missing braces, by the indentation, above which the file counts as not indented (ours)."""
 
 
 @cache
@@ -37,7 +40,7 @@ def _verbs() -> frozenset[str]:
 
 @dataclass(slots=True)
 class Raw:
-    """A statement as text: offsets of its head, and the statements in its braces (None: no braces)."""
+    """A statement as text: the offsets of its head, and the statements in its braces (None if it has no braces)."""
 
     start: int
     end: int
@@ -48,7 +51,7 @@ class Raw:
 
 @dataclass(frozen=True, slots=True)
 class Comment:
-    """A comment with its `#`, and where it begins: 1-based line and column."""
+    """A comment with its `#`, and the 1-based line and column at which it begins."""
 
     text: str
     line: int
@@ -57,7 +60,7 @@ class Comment:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """The statements of a text, the errors of its braces, and its comments, in order."""
+    """The result of cutting a text: its statements, the errors of its braces, and its comments, in order."""
 
     statements: list[Raw]
     errors: list[TextError]
@@ -88,13 +91,13 @@ class Lines:
 
 @dataclass(slots=True)
 class _Frame:
-    """An open block: its statement, the indentation of that in columns, and the statements so far."""
+    """An open block: its statement, the indentation of the statement in columns, and the block's statements so far."""
 
     raw: Raw
     indent: int
     statements: list[Raw] = field(default_factory=list)
     without_brace: bool = False
-    """True if its brace is missing, so that the indentation tells where it ends."""
+    """True if its opening brace is missing, so that the indentation determines where it ends."""
 
 
 def scan(text: str, lines: Lines) -> Cut:
@@ -170,7 +173,7 @@ class _Scanner:
 
     def _list_continues(self, at: int) -> bool:
         """Return whether the list that is open at the end of a line is closed on a later line."""
-        if at > self._list_end:  # one search for all lines of a list
+        if at > self._list_end:  # one search serves all lines of a list
             pieces = _PIECE.finditer(self._text, at)
             end = next((piece for piece in pieces if piece[0] in _ENDS_OF_LISTS), None)
             self._list_end = end.start() if end is not None else len(self._text)
@@ -208,7 +211,7 @@ class _Scanner:
             return
         second = _SECOND_WORD.match(self._text, raw.start, raw.end)
         if second is not None and second[1] in _verbs():
-            return  # an action of an actor that is called `if`
+            return  # it may be an action of an actor that is called `if`
         ahead = _NEXT_LINE.match(self._text, at)
         indent = self._first_on_line - self._line_start
         if ahead is None or len(ahead["indent"]) <= indent or raw.start != self._first_on_line:

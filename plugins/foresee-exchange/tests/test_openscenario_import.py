@@ -315,7 +315,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a
         (CUT_IN.replace("straight.xodr", "gone.xodr"), "'gone.xodr', which does not exist"),
         (CUT_IN.replace("$pace", "$speed"), "the parameter $speed is not declared"),
         (CUT_IN.replace("$gap * 2", "__import__('os').getpid()"), "cannot be computed"),
-        (CUT_IN.replace('s="50"', 's="5000"'), "there is no 5000 m along it"),
+        (CUT_IN.replace('s="50"', 's="5000"'), "it has no place at 5000 m"),
         (CUT_IN.replace('value="$pace"', 'value="fast"'), "is not a usable number"),
     ],
 )

@@ -104,7 +104,7 @@ def study(
         str, typer.Option(help="Where runs are executed: local (processes here), dask (a cluster).")
     ] = "local",
     scheduler: Annotated[
-        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
+        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started on this machine.")
     ] = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,

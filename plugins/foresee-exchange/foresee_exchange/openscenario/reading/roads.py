@@ -64,7 +64,7 @@ class Roads:
             raise SourceError(f"the map has no road {road}")
         length = self.length(road)
         if not -_BEYOND_M <= s <= length + _BEYOND_M:
-            raise SourceError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
+            raise SourceError(f"the map's road {road} is {length:.1f} m long, so it has no place at {s:g} m")
         return min(max(s, 0.0), length)
 
     def length(self, road: str) -> float:
