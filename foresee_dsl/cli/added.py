@@ -21,7 +21,7 @@ from foresee_dsl.plugins import PluginGroup, package_of
 
 
 class CommandError(ForeseeError):
-    """A package offers a command that cannot be used."""
+    """Raised if a package offers a command that cannot be used."""
 
 
 ADDED = PluginGroup("foresee_dsl.commands", "command", CommandError)

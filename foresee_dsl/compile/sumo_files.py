@@ -33,8 +33,9 @@ _CLASSES: Mapping[ActorKind, str] = MappingProxyType(
 )
 _TWO_WHEELERS = ("motorcycle", "bicycle")
 NO_LIMIT_MPS = 2777.78
-"""`desiredMaxSpeed`, m/s: SUMO's default for cars (10,000 km/h). SUMO 1.28 limits speeds to the product of this and the
-speed factor; with a bicycle's default of 20 km/h and the factor for its cruise speed, it would be much too slow."""
+"""SUMO's `desiredMaxSpeed` for all types, m/s: its default for cars (10,000 km/h). SUMO 1.28 limits speeds to the
+product of this and the speed factor; with a bicycle's default of 20 km/h and the factor for its cruise speed, it would
+be much too slow."""
 SPEED_SLACK = 0.001
 """Amount added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
 LATERAL_RESOLUTION_M = 0.2

@@ -217,8 +217,10 @@ def code_actions(session: Session, params: Json) -> list[Json]:
 
 
 def _meant(sent: Json, span: Span, diagnostics: Iterable[Diagnostic]) -> Diagnostic | None:
-    """Return the present diagnostic that an editor has sent; of several with its words, the nearest; None if it is
-    gone."""
+    """Return the present diagnostic that corresponds to one that the editor has sent; None if there is none any more.
+
+    Of several diagnostics with the same message, it is the nearest.
+    """
     words = sent.get("code"), sent["message"]
     same = [diagnostic for diagnostic in diagnostics if (diagnostic.code, with_help(diagnostic)) == words]
     return min(

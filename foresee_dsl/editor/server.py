@@ -36,8 +36,8 @@ _FEATURES = (
     ("textDocument/inlayHint", "inlay_hints"),
     ("textDocument/codeLens", "code_lenses"),
 )
-"""Requests and their functions in `editor.features`, which is imported at the first request, so that errors are shown
-before."""
+"""Requests, each with its function in `editor.features`, which is imported at the first request, so that errors are
+shown before."""
 
 
 class Server:

@@ -22,8 +22,7 @@ height."""
 _END_M = 10.0
 """Distance to its end below which a lane meets others in a junction instead of crossing over them, m (ours)."""
 CLEARANCE_M = 3.0
-"""Roads that cross with at least this height between them, m, do not meet (ours: less than the clearance of a
-bridge)."""
+"""Smallest height between roads that cross without meeting, m (ours: less than the clearance of a bridge)."""
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,8 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
 
 SHORTEST_M, LONGEST_M = 150.0, 400.0
-(
-    """Shortest and longest length of the ego's route, m: from a whole approach and exit up to a drive of "
-"about a minute (ours)."""
-)
+"""Shortest and longest length of the ego's route, m: from a whole approach and exit up to a drive of about a minute
+(ours)."""
 CLEAR_M = 10.0
 """Free road behind the ego's front at the start, and after its goal, m (ours: two car lengths)."""
 _SMALL_MAPS = ((SHORTEST_M, CLEAR_M, CLEAR_M), (40.0, CLEAR_M, CLEAR_M), (5.0, 6.0, 6.0), (3.0, 5.0, 1.0))
@@ -33,9 +31,10 @@ map is used (ours; the smallest maps are a road of 10 m, on which a car of 5 m s
 APPROACH_M = 120.0
 """Largest length that is driven on the first and on the last edge, m (ours: signals are visible from there)."""
 _ROOMY_M = 40.0
-"""A first edge with this much road ahead is a street to start in, not a piece of a roundabout (ours)."""
+"""Length of road ahead, m, from which a first edge is a street to start in, not a piece of a roundabout (ours)."""
 _SLOW_STREET_MPS = 20 / 3.6
-"""A lower limit belongs to a yard, or is an error of the map (ours; an edition of CARLA's Town03 has 1.39 m/s)."""
+"""Speed limit below which a street is a yard, or the limit is an error of the map, m/s (ours; an edition of CARLA's
+Town03 has 1.39 m/s)."""
 _MOST_WAYS = 10_000
 """Maximum number of routes that are compared (ours: those of a district; more would take seconds)."""
 _MOST_EDGES = 30

@@ -20,8 +20,8 @@ VERSION = 1
 stale."""
 
 SIGNIFICANT_DIGITS = 9
-"""Significant digits to which SI values are compared (ours): far finer than any unit's step, coarse enough for the
-rounding of a conversion (`50 km/h` is 13.888888888... m/s)."""
+"""Number of significant digits to which SI values are compared (ours): far finer than any unit's step, coarse enough
+for the rounding of a conversion (`50 km/h` is 13.888888888... m/s)."""
 
 _HASH_DIGITS = 12
 _NO_MEANING = (

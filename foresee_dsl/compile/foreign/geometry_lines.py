@@ -33,8 +33,8 @@ _PULLS = (0.35, 0.5, 0.25, 0.65)
 """Distances of the control points of a Bezier curve from its ends, as shares of the distance of the ends; 0.35 is
 nearest to an arc over a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
 _SMOOTH_RAD = math.radians(54)
-"""A repaired line turns by less than this within 2 m, rad: less than a kink, by the amount that rounding to 1 cm may
-add (ours)."""
+"""Largest turn within 2 m of a repaired line, rad: less than a kink, by the amount that rounding to 1 cm may add
+(ours)."""
 _CURVE_POINTS = 12
 _MOST_CORNERS = 50
 """Maximum number of corners that are rounded in a lane (ours: a hairpin road in the Alps has some 30)."""

@@ -12,7 +12,7 @@ from foresee_dsl.compile.nets.net_reader import points_of, topology_of
 from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, interpolate, lengths, wrap
 
 _LEAST_M = 0.1
-"""Overlaps shorter than this are rounding errors, m (ours; netconvert rounds to 1 cm)."""
+"""Length below which an overlap is attributed to rounding, m (ours; netconvert rounds to 1 cm)."""
 _BACK_RAD = math.radians(100)
 """A turn from one lane to the next by more than this is a reversal, rad (ours: a corner of a town has 90 degrees)."""
 _STUB_M = 0.2

@@ -148,8 +148,8 @@ _OPTIONS = (  # of netconvert 1.28
     *("--no-warnings", "true"),
 )
 _INNER_SHAPES = ("--opendrive.internal-shapes", "true")
-"""Lanes inside junctions as in the map, not as netconvert would bend them; netconvert 1.28 crashes with it for some
-maps."""
+"""Option of netconvert that keeps lanes inside junctions as the map has them, not bent; netconvert 1.28 crashes with it
+for some maps."""
 NOTES = "notes.txt"
 """File beside a net in the cache that holds notes on its conversion."""
 

@@ -110,9 +110,9 @@ def _section_start(road: Element, at_end: bool) -> float:
 
 
 _STRAIGHT = 1e-12
-"""A curvature below this is treated as zero, 1/m (ours), because netconvert 1.28 divides by it."""
+"""Curvature below which a line is straight, 1/m (ours), because netconvert 1.28 divides by the curvature."""
 _SHORTEST_M = 1e-6
-"""Shorter pieces of a reference line have no direction, m (ours)."""
+"""Length below which a piece of a reference line has no direction, m (ours)."""
 
 
 def read_opendrive(path: Path) -> Element:

@@ -38,12 +38,13 @@ def content_key(key_parts: Iterable[str | bytes]) -> str:
 
 
 def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) -> Path:
-    """Return the file of a net in the cache; if it is missing or damaged, `build` writes it to the path that it gets.
+    """Return the file of a net in the cache; if it is missing or damaged, `build` writes it to the path that it
+    receives.
 
-    Entries are written completely or not at all, so processes may share the cache. The name of the parent folder is
-    the key.
+    Entries are written completely or not at all, so processes may share the cache. The name of the parent folder is the
+    key.
 
-    `key_parts`: everything on which the net depends, apart from the tools.
+    `key_parts` holds everything on which the net depends, apart from the tools.
     """
     key = content_key(key_parts)
     try:

@@ -22,8 +22,8 @@ LINE_OVER_M = 5.0
 """Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
 pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
 _SHARPEST = 0.5
-"""Cosine of half the turn at a corner; in sharper corners the offset line is cut at two widths, because it would extend
-far outwards (ours)."""
+"""Smallest cosine of half the turn at a corner whose offset line is not cut (ours): at sharper corners it is cut at two
+widths, because it would extend far outwards."""
 
 
 def joined_way(

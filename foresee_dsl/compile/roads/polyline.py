@@ -29,10 +29,11 @@ Points = tuple[XY, ...]
 STEP_M = 1.0
 """Largest distance between neighbouring points, m (the driver protocol promises it)."""
 MERGE_M = 0.05
-"""Points nearer than this, m, are treated as one: netconvert 1.28 rounds to 1 cm by default, so the direction of a
-segment of 1 cm is meaningless."""
+"""Distance below which two points are treated as one, m: netconvert 1.28 rounds to 1 cm by default, so the direction of
+a segment of 1 cm is meaningless."""
 SPIKE_M = 0.5
-"""A reversal by less than this, m, is a fault of the map where two lanes join (CARLA's Town01 has six of 0.2 m)."""
+"""Length below which a reversal is a fault of the map, m, which occurs where two lanes join (CARLA's Town01 has six of
+0.2 m)."""
 CURVATURE_SPAN_M = 5.0
 """Length over which curvature is computed from the change of heading, m (ours: netconvert's turns have a corner every 2
 to 4 m)."""

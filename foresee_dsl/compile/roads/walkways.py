@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import numpy as np
 
 ON_CROSSING_M = 0.05
-"""Points of a path within this distance of a crossing's centreline, m, are on it (clips round to 1 mm, nets to 1
-cm)."""
+"""Largest distance of a path's point from the centreline of the crossing that it is on, m (clips round to 1 mm, nets to
+1 cm)."""
 
 _End = tuple[str, int]
 """The begin (0) or end (1) of a footway's centreline; a walking area is (id, -1)."""

@@ -22,7 +22,7 @@ from foresee_dsl.language.units import UNITS
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 SETTLED = (m.Param, m.Require, m.Case, m.Cases)
-"""Statements that a concrete scenario no longer has."""
+"""Statements that a concrete scenario does not have: parameters, requirements and cases."""
 
 
 def cases(document: Document) -> tuple[str, ...]:
