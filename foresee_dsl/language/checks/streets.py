@@ -380,7 +380,7 @@ class Streets:
             if exits and turn not in exits.values() and edge.end in self._plain_junctions:
                 message = f"no way leads {turn} from '{item.edge}' over '{edge.end}'"
                 turns = one_of(dict.fromkeys(exits.values()), " or ")
-                self._findings.add(item, f"turns.{k}", "FS270", message, "ways lead " + turns)
+                self._findings.add(item, f"turns.{k}", "FS270", message, "from there, ways lead " + turns)
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
@@ -396,7 +396,9 @@ class Streets:
                 + write(part)
                 + " is one of its junctions"
             )
-            self._findings.add(item, "junction", "FS270", f"'{item.junction}' is a roundabout", help)
+            self._findings.add(
+                item, "junction", "FS270", f"'{item.junction}' is a roundabout, where `forbid` has no meaning", help
+            )
             return
         if item.junction not in self._plain_junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
@@ -446,7 +448,9 @@ class Streets:
                     self._findings.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"no way leads {item.turn} from '{road}' over '{item.junction}' anyway"
-                    self._findings.add(item, "turn", "FS270", message, "ways lead " + one_of(sorted(ways), " or "))
+                    self._findings.add(
+                        item, "turn", "FS270", message, "from there, ways lead " + one_of(sorted(ways), " or ")
+                    )
                 ways.discard(item.turn)
 
     # ---- names ------------------------------------------------------------------------------------------------------

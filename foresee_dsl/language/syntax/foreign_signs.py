@@ -122,7 +122,7 @@ def _share(text: str, at: int) -> Foreign | None:
     return Foreign(
         match.start(),
         match.start() + len(written),
-        f"`{written}`: a share is a plain number",
+        f"`{written}`: write a share as a plain number",
         meant_code(f"{share}{times}"),
     )
 

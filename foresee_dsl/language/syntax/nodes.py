@@ -215,7 +215,7 @@ class NodeMaker:
             return node
         if str(unit) == "%":
             written, share = f"{number} %", f"{Decimal(str(number)) / 100:f}"
-            self._error("FS005", f"`{written}`: a share is a plain number", meant_code(share), node.span)
+            self._error("FS005", f"`{written}`: write a share as a plain number", meant_code(share), node.span)
             return Node(m.Quantity, node.span)
         if str(unit) not in UNITS and self._parameters is not ANY_NAME and str(unit) in self._parameters:
             message = f"the sign between `{number}` and '{unit}' is missing"

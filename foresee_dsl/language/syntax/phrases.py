@@ -85,7 +85,7 @@ PHRASES = (
     _phrase(
         TOP,
         r"^(?:when|if)\b.*?(?P<place>\bthen|\bdo)\s*\{\}$",
-        "the block comes right behind the condition",
+        "write the block right behind the condition",
         leave_out(r"\g<place>") + ": " + write("when ego.eta(j4) < 4 s { runner stops }"),
     ),
     # actions
@@ -104,7 +104,7 @@ PHRASES = (
     _phrase(
         _ACTION,
         r"^[a-z]\w*\s+(?P<place>brakes\s+(?:with|by|at))\s+[0-9]",
-        "the deceleration comes right behind the verb",
+        "write the deceleration right behind the verb",
         meant_code("brakes"),
     ),
     _phrase(
@@ -176,7 +176,7 @@ PHRASES = (
     _phrase(
         _ACTOR,
         rf"^(?:speed\s+start|initial_?speed|initialSpeed|start_?speed|initial\s+speed|velocity)\s*[:=]?\s*{_VALUE}{_END}",
-        "the speed at the beginning is written with two words",
+        "write the speed at the beginning with two words",
         meant_code(r"start speed \g<v>"),
     ),
     _phrase(
@@ -188,7 +188,7 @@ PHRASES = (
     _phrase(
         _ACTOR,
         r"^(?P<place>(?:position|pos|location|spawn(?:\s+at)?|starts\s+at)\s*[:=]?)\s*\S",
-        r"the place at the beginning is written with two words",
+        r"write the place at the beginning with two words",
         meant_code("start at"),
     ),
     _phrase(
@@ -268,7 +268,7 @@ PHRASES = (
     _phrase(
         TOP,
         rf"^(?:duration|timeout|time_limit|max_time|stop\s+after|run\s+for|end\s+at)\s*[:=]?\s*{_VALUE}{_END}",
-        "the longest time of a run is written with two words",
+        "write the longest duration of a run with two words",
         meant_code(r"end after \g<v>"),
     ),
     _phrase(
