@@ -153,8 +153,9 @@ class Change(Item):
     scenario the cruise speed); `delay` (a time for which it stands longer); `line` (a length by which it keeps to the
     left of its way, on a lane from `start` for `duration`); `brakes` (a deceleration, from `start` for `duration`);
     `ignores` (`nothing`, `signals`, `priority`); `moving` (a length, at which it begins on its path); `style` (`usual`,
-    `takes_gap`, `brakes_late`, `creeps`). The others are `weather.rain` and the like; `expect.NAME`, the number with which a named expectation compares; and, in a scenario
-    that extends another, `param.NAME`, a parameter's default, and `end.after`.
+    `takes_gap`, `brakes_late`, `creeps`). The others are `weather.rain` and the like; `expect.NAME`, the number with
+    which a named expectation compares; and, in a scenario that extends another, `param.NAME`, a parameter's default,
+    and `end.after`.
     """
 
     pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
