@@ -492,7 +492,7 @@ def _beside(stop: m.BusStop) -> str:
 
 
 def _misses(actor: PlacedActor, junction: str) -> HelpText:
-    """Return the junctions on an actor's route if a junction is not among them; "" if it is, or without a route."""
+    """Return a help with the junctions on an actor's route; "" if this junction is among them, or there is no route."""
     if actor.line is None or actor.line.passage(junction) is not None:
         return ""
     return one_of(p.junction for p in actor.line.passages) or "no junction"

@@ -166,7 +166,7 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     if not way:
         following = _named_end(network, edges[-1])
         leg_text = f"{turn} over {junction}"
-        help = "say first where to go over it: " + instead(f"straight over {following} {leg_text}", leg_text)
+        help = "write the turn over it first: " + instead(f"straight over {following} {leg_text}", leg_text)
         raise RouteError(f"after {edges[-1]} comes {following}, not {junction}", help)
     if junction in network.rings:
         return (*edges, *way[1:], *_round(network, way[-1], leg, kind))

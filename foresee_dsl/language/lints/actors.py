@@ -114,7 +114,7 @@ def _gap_between_legs(route: m.Route, roads: Roads) -> LintFinding | None:
             return None  # an unknown name, which is reported elsewhere
         reached = roads.reached(edges)
         if junction not in reached:
-            help = "write how the route first goes over " + one_of(sorted(reached), " or ")
+            help = "write the turn first that goes over " + one_of(sorted(reached), " or ")
             return LintFinding(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
         edges = roads.leaving(junction)
         before = f"the way over '{junction}'"
