@@ -24,7 +24,8 @@ REACTION_S = EVALUATION_S + DELAY_S
 """Time that a driver needs from the first sign of a conflict until it brakes, 1.15 s: R157's evaluation and delay."""
 STOOD_S = 0.5
 """An ego that had stood for at least this long has not run into an actor on foot or on a bicycle, s. Ours: a shorter
-stop is not a stop to a passenger either (`story.ego`)."""
+stop is not a stop to a passenger either (`story.ego`). For vehicles it is `REACTION_S`: with 0.5 s a van that pulled
+out in sight, into an ego that had accelerated until 1.7 s before, counted as unavoidable; three readers disagreed."""
 LOOKED_S = 2.0
 """An actor that breaks a rule or is steered into the ego leaves nothing to decide if it is in sight for less than this,
 s. R157's critical time to collision."""
@@ -132,14 +133,16 @@ def _not_driving(story: Story) -> Iterator[Responsibility]:
     grounds = story.grounds
     if grounds.stands:
         yield Responsibility(Whose.DRIVER, f"{quoted(story.opponent)} stands, and the ego drives into it")
-    if not story.opponent or grounds.stood_s < STOOD_S or grounds.steered or grounds.gives_way:
+    follows_path = story.opponent_kind in ("pedestrian", "bicycle")
+    if not story.opponent or grounds.steered or grounds.stood_s < (STOOD_S if follows_path else REACTION_S):
         return
-    if story.opponent_kind in ("pedestrian", "bicycle"):
+    if follows_path:
         yield Responsibility(
             Whose.TOOL,
             f"{quoted(story.opponent)} follows its path into an ego that has stood for {grounds.stood_s:.1f} s",
         )
-    yield Responsibility(Whose.UNAVOIDABLE, f"the ego has stood for {grounds.stood_s:.1f} s")
+    elif not grounds.gives_way:
+        yield Responsibility(Whose.UNAVOIDABLE, f"the ego has stood for {grounds.stood_s:.1f} s")
 
 
 def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:

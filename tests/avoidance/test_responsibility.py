@@ -45,9 +45,9 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
         (replace(STEERED, acts_s=LOOKED_S), (), (APART,), Whose.UNAVOIDABLE),
         (Grounds(stands=True, seen_s=0.1), (), (), Whose.DRIVER),
         (Grounds(seen_s=5.0, gives_way="a driver who turns gives way"), (), (), Whose.DRIVER),
-        (Grounds(seen_s=5.0, stood_s=STOOD_S, gives_way="a driver who turns gives way"), (), (), Whose.DRIVER),
-        (Grounds(seen_s=5.0, stood_s=STOOD_S), (PREVENTED,), (), Whose.UNAVOIDABLE),
-        (Grounds(seen_s=5.0, stood_s=STOOD_S - 0.1), (PREVENTED,), (), Whose.DRIVER),
+        (Grounds(seen_s=5.0, stood_s=REACTION_S, gives_way="a driver who turns gives way"), (), (), Whose.DRIVER),
+        (Grounds(seen_s=5.0, stood_s=REACTION_S), (PREVENTED,), (), Whose.UNAVOIDABLE),
+        (Grounds(seen_s=5.0, stood_s=REACTION_S - 0.1), (PREVENTED,), (), Whose.DRIVER),
         (replace(STEERED, acts_s=LOOKED_S, stood_s=STOOD_S), (), (REACTS,), Whose.ARGUABLE),
         (Grounds(seen_s=REACTION_S - 0.1, gives_way="a driver who turns gives way"), (), (), Whose.UNAVOIDABLE),
         (Grounds(seen_s=LOOKED_S, breaks_rule="on red"), (), (REACTS,), Whose.ARGUABLE),
@@ -71,6 +71,9 @@ def test_each_rule(
 def test_people_on_foot() -> None:
     assert whose(Grounds(seen_s=0.5), kind="pedestrian") is Whose.ARGUABLE  # a slower ego avoids it
     assert whose(Grounds(seen_s=5.0, stood_s=STOOD_S), kind="pedestrian") is Whose.TOOL  # it follows its path
+    yields = Grounds(seen_s=5.0, stood_s=STOOD_S, gives_way="a driver who turns gives way")
+    assert whose(yields, kind="bicycle") is Whose.TOOL  # a driver that stands has given way
+    assert whose(replace(yields, stood_s=STOOD_S - 0.1), kind="bicycle") is Whose.DRIVER
 
 
 def test_without_another_actor() -> None:
