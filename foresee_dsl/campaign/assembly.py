@@ -19,6 +19,7 @@ from foresee_dsl.campaign.records import (
     Minimised,
     Mutants,
     Record,
+    Repeats,
     decode,
 )
 from foresee_dsl.campaign.results import sorted_outcomes
@@ -79,8 +80,8 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
                 clips[node] = replace(record, seed=case.id, family=case.family, name=node.step.name, file=node.file,
                                       rank=node.step.rank)  # fmt: skip
                 children[node] = {}
-            case Mutants():
-                pass  # mutants are separate steps, so they are not part of this result
+            case Mutants() | Repeats():
+                pass  # mutants are separate steps, and repeats are stored beside the steps
             case ChildOutcome():
                 if row.trace:
                     file = (out / node.file).as_posix()

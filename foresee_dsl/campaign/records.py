@@ -19,7 +19,7 @@ from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
+from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Impact, Verdict, passes
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.story import Story
 
@@ -368,7 +368,32 @@ class Minimised:
         return f"{self.folder}/{self.clip}.foresee"
 
 
-Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised
+@dataclass(frozen=True)
+class Repeats:
+    """Runs of a finding in several processes, the first one included.
+
+    `ends`: number of runs by verdict. `same`: whether all have one verdict and one trace.
+    """
+
+    ends: dict[str, int]
+    same: bool
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"runs": self.runs, "failed": self.failed, "ends": self.ends, "same": self.same}
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return sum(self.ends.values())
+
+    @property
+    def failed(self) -> int:
+        """Number of runs that failed."""
+        return sum(count for verdict, count in self.ends.items() if verdict in FAILURES)
+
+
+Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised | Repeats
 """A step's result. A new class is added here; `campaign.assembly` then fails the type check until it handles it."""
 
 

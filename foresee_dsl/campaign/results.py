@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.findings.grouping import Finding, findings_of, in_order
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.documents import or_null, rounded
@@ -85,6 +85,8 @@ class CampaignResult:
     """The steps that could not be run, one line each."""
     minimised: tuple[Minimised, ...] = ()
     """The minimised representatives of the findings, sorted by name."""
+    repeats: Mapping[str, Repeats] = field(default_factory=dict)
+    """Runs of the findings in other processes, by name."""
 
     def row(self, family: str | None = None) -> FamilyRow:
         """Return the figures of one family, or of all."""
@@ -201,6 +203,7 @@ class CampaignResult:
             "wall_s": rounded(self.wall_s, 2),
             "interrupted": self.interrupted,
             "broken": self.broken,
+            "deterministic": self.deterministic,
             "test_cases": self.seeds,
             "clip_runs": self.clips,
             "findings": self.findings,
@@ -218,7 +221,15 @@ class CampaignResult:
         order of reports.
         """
         small = {record.child.name: record for record in self.minimised}
-        return in_order(replace(finding, minimised=small.get(finding.name)) for finding in findings_of(self))
+        return in_order(
+            replace(finding, minimised=small.get(finding.name), repeats=self.repeats.get(finding.name))
+            for finding in findings_of(self)
+        )
+
+    @property
+    def deterministic(self) -> bool | None:
+        """Whether all findings that were run in several processes ended alike; None if none was."""
+        return all(repeats.same for repeats in self.repeats.values()) if self.repeats else None
 
     @property
     def open_first(self) -> tuple[str, ...]:

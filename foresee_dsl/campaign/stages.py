@@ -144,10 +144,7 @@ class Stages:
         Such steps are known only after all others: `names` are those of the findings' representatives.
         """
         nodes_after = []
-        candidates = (
-            node for nodes in (self.seeds, *self._after.values()) for node in nodes if node.step.name in names
-        )
-        for node in sorted(candidates, key=lambda node: node.step.name):
+        for node in sorted(self.named(names), key=lambda node: node.step.name):
             row = self.row(node)
             if row is None:
                 continue
@@ -158,6 +155,11 @@ class Stages:
                 ]
         self.last = tuple(nodes_after)
         return self.last
+
+    def named(self, names: Container[str]) -> Iterator[StepNode]:
+        """Yield the visited steps with these names, of test cases, clips and mutants."""
+        every = (node for nodes in (self.seeds, *self._after.values()) for node in nodes)
+        return (node for node in every if node.step.name in names)
 
     def may_be_chosen(self, node: StepNode, row: Row) -> bool:
         """Return whether steps follow from a step with this result if `choose` names it."""

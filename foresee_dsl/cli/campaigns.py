@@ -206,7 +206,8 @@ def _run_all(
             log.write("begin", test_cases=len(cases), settings=asdict(settings), jobs=flags.jobs,
                       store=str(store.folder))  # fmt: skip
         folder = request.folder(settings, flags.out)
-        result = run_campaign(cases, settings, out=folder, store=store, listeners=listeners, options=options)
+        result = run_campaign(cases, settings, out=folder, store=store, listeners=listeners, options=options,
+                              repeat=True)  # fmt: skip
         results.append((folder, result))
         if log is not None:
             log.write("end", interrupted=result.interrupted, broken=len(result.broken),

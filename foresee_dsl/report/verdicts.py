@@ -83,3 +83,12 @@ def is_hang(reason: str) -> bool:
 def without_verdict(verdict: Verdict, reason: str) -> str:
     """Return a reason without the verdict at its beginning, to be shown after the verdict."""
     return reason.removeprefix(f"{verdict.value}: ").removeprefix(f"{verdict.value} ")
+
+
+def not_deterministic(driver: str, rates: Sequence[str]) -> str:
+    """Return the sentence about a driver that is not deterministic; `rates`: of its findings, "" for equal runs."""
+    differing = sum(map(bool, rates))
+    return (
+        f"{driver} is not deterministic: {differing} of {counted(len(rates), 'finding')} ended differently in another "
+        "process; k/n says how many runs fail"
+    )

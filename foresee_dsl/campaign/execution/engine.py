@@ -20,6 +20,7 @@ from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.findings.repeats import repeated
 from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.folder import CampaignFolder
 from foresee_dsl.campaign.node import StepNode
@@ -83,12 +84,14 @@ def run_campaign(
     store: Store,
     listeners: Sequence[Listener] = (),
     options: RunOptions = RunOptions(),  # noqa: B008 - immutable
+    repeat: bool = False,
 ) -> CampaignResult:
     """Run a whole campaign and write its folder.
 
     Args:
         out: the campaign's folder; its `children` and `traces` are replaced together at the end.
         store: open for writing.
+        repeat: run each finding again in another process, to see whether the driver is deterministic.
 
     Returns:
         The result; if it was stopped, the finished part of it, with `interrupted` set.
@@ -110,6 +113,9 @@ def run_campaign(
             result = CampaignResult(
                 settings, assembly.seeds, assembly.clips, wall_s, ran.stopped, ran.broken, assembly.minimised
             )
+            if repeat and not ran.stopped:
+                repeats = repeated(result, assembly.traces, stages, store, options)
+                result = replace(result, repeats=repeats, wall_s=time.monotonic() - started)
             folder.publish(result, assembly.traces, store.blobs)
     return result
 

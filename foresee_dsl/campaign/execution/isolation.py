@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from inspect import isgenerator
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext
+from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import DupFd
 from pathlib import Path
@@ -88,14 +88,14 @@ to the process, as phrases), `done` (with a value), `raised` (with the exception
 class Worker:
     """A worker process, as the process that started it sees it."""
 
-    def __init__(self, *, once: bool = False) -> None:
-        """Start a process; `once`: as a fork of this one, if that is safe.
+    def __init__(self, *, once: bool = False, fresh: bool = False) -> None:
+        """Start a process; `once`: as a fork of this one, if that is safe; `fresh`: as a new interpreter.
 
         Raises:
             OSError, EOFError: the fork server was killed at this moment; another try starts a new one.
         """
         forked = once and "libsumo" not in sys.modules and threading.active_count() == 1
-        context = multiprocessing.get_context("fork") if forked else forkserver()
+        context = multiprocessing.get_context("fork") if forked else interpreter() if fresh else forkserver()
         self.connection, theirs = context.Pipe()
         """The connection, for `multiprocessing.connection.wait`: ready when there is a message, or when the process has
         ended."""
@@ -123,7 +123,7 @@ class Worker:
         """Number of tasks that the process has finished."""
         self.changed: tuple[str, ...] = ()
         """The changes that a driver made to the process, which therefore ends after that task."""
-        self._server = 0 if forked else parent_of(self.pid)
+        self._server = 0 if forked or fresh else parent_of(self.pid)
         _running.add(self.pid)
         self.warm: list[tuple[str, ...]] = []
         """The `shares` of the last tasks that the process received, the latest first."""
@@ -304,6 +304,13 @@ def forkserver() -> ForkServerContext:
     for variable in _ONE_THREAD:
         os.environ.setdefault(variable, "1")
     return context
+
+
+def interpreter() -> SpawnContext:
+    """Return the context of workers that share nothing with others, not even the seed of the hashes of strings."""
+    for variable in _ONE_THREAD:
+        os.environ.setdefault(variable, "1")
+    return multiprocessing.get_context("spawn")
 
 
 class _Reports:

@@ -202,7 +202,13 @@ class WorkerPool(Executor):
     """
 
     def __init__(
-        self, jobs: int, *, memory_mb: float = CampaignLimits.memory_mb, deaths: int = DEATHS, once: bool = False
+        self,
+        jobs: int,
+        *,
+        memory_mb: float = CampaignLimits.memory_mb,
+        deaths: int = DEATHS,
+        once: bool = False,
+        fresh: bool = False,
     ) -> None:
         """Store the settings; processes start later.
 
@@ -210,11 +216,12 @@ class WorkerPool(Executor):
             memory_mb: memory limit of each process and its descendants together. deaths: number of deaths after which a
                 task is the cause.
             once: there is a single task, for which no fork server is started if that is safe.
+            fresh: processes are new interpreters, which take a second to start, instead of forks of one.
         """
         super().__init__()
         self._jobs = max(1, jobs)
         self._memory_mb = memory_mb
-        self._most_deaths, self._once = deaths, once
+        self._most_deaths, self._once, self._fresh = deaths, once, fresh
         self._deaths: Counter[int] = Counter()
         self._kills: Counter[int] = Counter()
         """Number of times that the process of each task was ended from outside."""
@@ -290,7 +297,7 @@ class WorkerPool(Executor):
         """Return a new worker; if the fork server is killed at that moment, try again with a new one."""
         while True:
             try:
-                return Worker(once=self._once)
+                return Worker(once=self._once, fresh=self._fresh)
             except (OSError, EOFError) as err:
                 self._note_failed_start(f"{type(err).__name__} {err}")
                 time.sleep(_TICK_S)  # until the system has registered the end of the old process

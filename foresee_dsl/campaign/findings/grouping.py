@@ -13,7 +13,7 @@ from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.documents import or_null
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
@@ -70,6 +70,8 @@ class Finding:
     avoided: int | None = None
     title: str = ""
     number: int = 0
+    repeats: Repeats | None = None
+    """Its runs in other processes; None before them, or if they say nothing."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -100,6 +102,8 @@ class Finding:
             "place": self.story.place,
             "mutation": or_null(self.story.mutation),
             "minimised": self.minimised,
+            "repeats": self.repeats,
+            "rate": or_null(self.rate),
         }
 
     @property
@@ -107,6 +111,12 @@ class Finding:
         """The words by which its failures are grouped; a later campaign's finding with the same words is the same
         story."""
         return " | ".join((self.family, *self.story_as_found.signature))
+
+    @property
+    def rate(self) -> str:
+        """How many runs fail if the driver is not deterministic: `7/10`; "" otherwise."""
+        repeats = self.repeats
+        return f"{repeats.failed}/{repeats.runs}" if repeats is not None and not repeats.same else ""
 
     @property
     def reduced(self) -> Minimised | None:

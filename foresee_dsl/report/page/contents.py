@@ -27,7 +27,7 @@ from foresee_dsl.report.page.recorded import (
 )
 from foresee_dsl.report.page.runs import Outcome, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
-from foresee_dsl.report.verdicts import counted
+from foresee_dsl.report.verdicts import counted, not_deterministic
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25
@@ -136,6 +136,8 @@ def _notes(source: Source) -> Iterator[str]:
             f"{source.folder}/campaign.json was written by an earlier version: each failure stands alone. "
             "Run the campaign again, and equal stories become one finding."
         )
+    if campaign.deterministic is False:
+        yield f"{not_deterministic(campaign.driver, [record.rate or '' for record in campaign.findings or ()])}."
     yield from source.standing.notes
     broke = Counter(map(ended, campaign.test_cases))
     counts = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _WITHOUT_NOTE]
@@ -185,6 +187,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
             number=record.number,
             judgement=record.judgement,
             diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.reason),
+            rate=record.rate or "",
             since=source.standing.of(record.story),
             triage=source.standing.decisions.get(record.story),
         )

@@ -55,6 +55,8 @@ class FindingEntry:
     """The judgement on whose failure it is; empty if the campaign was written by a version without judgements."""
     diagnosis: str = ""
     """The part of the driver that causes the failure, in words; "" before `foresee diagnose` was run."""
+    rate: str = ""
+    """How many runs fail if the driver is not deterministic: `7/10`."""
     since: Since = Since.FIRST
     """Whether the previous campaign found it too."""
     triage: Decision | None = None
@@ -75,6 +77,7 @@ class FindingEntry:
             "anticipation": self.anticipation,
             "test_case": self.test_case,
             "diagnosis": self.diagnosis,
+            "rate": or_null(self.rate),
             "since": or_null(self.since),
             "triage": self.triage,
             "runs": self.runs,

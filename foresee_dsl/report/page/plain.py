@@ -21,7 +21,12 @@ def _lines(finding: FindingEntry) -> list[str]:
         f"{R157}: {finding.preventability}" if finding.preventability else "",
         f"{ANTICIPATING}: {finding.anticipation}" if finding.anticipation else "",
     ]
-    kinds = [finding.verdict, finding.class_, *answers, f"family {finding.family}" if finding.family else ""]
+    kinds = [
+        f"fails in {finding.rate} runs" if finding.rate else finding.verdict,
+        finding.class_,
+        *answers,
+        f"family {finding.family}" if finding.family else "",
+    ]
     lines = [f"{safe(finding.name)}", f"  {safe(finding.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
     lines += [f"  {safe(finding.standing)}"] if finding.standing else []
     lines += [f"  {safe(line, 10_000)}" for line in first.changes]

@@ -141,6 +141,7 @@ class Finding(_Part):
 
     name: str
     story: str = ""
+    rate: str | None = None
     sentence: str
     class_: str = Field(alias="class")
     verdict: str
@@ -174,6 +175,7 @@ class Campaign(_Part):
     wall_s: float = 0.0
     interrupted: bool = False
     broken: tuple[str, ...] = ()
+    deterministic: bool | None = None
     test_cases: tuple[CaseRun, ...] = ()
     clip_runs: tuple[ClipRun, ...] = ()
     findings: tuple[Finding, ...] | None = None

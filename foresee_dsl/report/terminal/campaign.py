@@ -26,7 +26,14 @@ from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
 from foresee_dsl.report.terminal.tables import duration
-from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, verdicts_line, without_verdict
+from foresee_dsl.report.verdicts import (
+    WHOLE,
+    changed_lines,
+    counted,
+    not_deterministic,
+    verdicts_line,
+    without_verdict,
+)
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -125,15 +132,16 @@ class _Row:
         changes = finding.run.changes if isinstance(finding.run, ChildOutcome) else []
         whose = finding.responsibility.whose.value
         since = _since(finding.story_key, standing)
-        return cls(finding.number, whose, finding.verdict.value, finding.title, _change(changes), since)
+        code = finding.rate or finding.verdict.value
+        return cls(finding.number, whose, code, finding.title, _change(changes), since)
 
     @classmethod
     def of_written(cls, finding: Mapping[str, Any], standing: Standing) -> _Row:
         """Return the line of a finding of `campaign.json`."""
         small = finding.get("minimised")
         change = _change(small["changed"]) if small else "" if finding.get("clip") else _change(())
-        since = _since(str(finding.get("story", "")), standing)
-        return cls(finding["number"], finding["judgement"]["word"], finding["verdict"], finding["title"], change, since)
+        since, code = _since(str(finding.get("story", "")), standing), finding.get("rate") or finding["verdict"]
+        return cls(finding["number"], finding["judgement"]["word"], code, finding["title"], change, since)
 
 
 def _since(story: str, standing: Standing) -> str:
@@ -244,6 +252,9 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         kinds = ", ".join(f"{counts[whose]} {whose.counted}" for whose in Whose if counts[whose])
         style = "bold red" if counts[Whose.DRIVER] else "bold"
         yield Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}: {kinds}", style=style)
+        if result.deterministic is False:
+            yield Text(safe(not_deterministic(settings.driver, [finding.rate for finding in findings]), WHOLE),
+                       style="bold yellow")  # fmt: skip
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
     elif not result.failed and not result.broken:
