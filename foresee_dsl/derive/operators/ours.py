@@ -33,7 +33,9 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 
 class Shift(Numeric):
-    """An operator that moves an actor along its recorded track at other times, or beside it."""
+    """An operator that keeps an actor's recorded track but changes when it passes each place, or that moves the track
+    to one side.
+    """
 
     @abstractmethod
     def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:

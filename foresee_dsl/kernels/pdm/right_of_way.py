@@ -55,7 +55,9 @@ def _queue_end(ego: np.void, actors: Records) -> float:
 
 @inner
 def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
-    """Return the stop before the line if a queue beyond the junction leaves the ego no room; infinite if it may go."""
+    """Return the place along the route, m, at which the ego stops before the junction because a queue beyond it leaves
+    the ego no room; infinite if the ego may go on.
+    """
     ego, stop_s = egos[0], float(junction["stop_s"])
     stop, length = stop_s - cfg.STOP_MARGIN_M, ego["front_s"] - ego["rear_s"]
     full = stop_s < queue_end_s < junction["exit_s"] + length + cfg.MINIMUM_GAP_M

@@ -194,7 +194,7 @@ def test_the_family_of_a_route_without_one_is_that_of_the_first_trigger_on_it(mo
     far = write_triggers(tmp_path / "b.json", "4", SECOND.at(200, -1.75), FIRST.at(100, 30), town="Town06")
     done = carla_import.run(motorway, [routes], [near, far], out=tmp_path / "out")
     assert done.taken == {"routes of family 3": 1}
-    assert done.left_out["triggers that no case uses (a case uses one)"] == 2
+    assert done.left_out["triggers that no test case uses (each uses one trigger)"] == 2
 
 
 def test_triggers_of_other_kinds_and_towns_are_counted(motorway: Path, tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_triggers_of_other_kinds_and_towns_are_counted(motorway: Path, tmp_path:
     routes = write_routes(tmp_path / "Town06_Scenario3.xml", ends, town="Town06")
     done = carla_import.run(motorway, [routes], [file], out=tmp_path / "out")
     assert done.left_out["triggers in Town05"] == 1
-    assert done.left_out["triggers that no case uses (a case uses one)"] == 1  # the one of the unknown kind
+    assert done.left_out["triggers that no test case uses (each uses one trigger)"] == 1  # the one of the unknown kind
 
 
 @pytest.mark.parametrize(

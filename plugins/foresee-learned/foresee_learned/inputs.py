@@ -73,8 +73,7 @@ _ROUTE = CHANNELS.index("route")
 _ROUTE_M = 1.5
 """Width of the route in the view from above, m."""
 _EDGE_M = 2.0
-"""Distance from the picture at which the middle of a piece of the route is too far for the piece to cover a pixel,
-m."""
+"""A piece of the route whose middle is farther than this outside the picture covers none of its pixels, m."""
 _BACK_M, _ON_M = 10.0, 25.0
 """The ego's place on its route is searched from `_BACK_M` behind its last place to `_ON_M` ahead of the farthest place
 that it may have reached, m."""

@@ -161,7 +161,9 @@ def compared_areas(
 def _areas(
     sides: Sequence[tuple[_Parts, _Parts]], weights: FloatArray, end: Callable[[float, float], float]
 ) -> tuple[float, float, float]:
-    """Return the areas of both sides and the ends, summed over repetitions, with test cases weighted by `weights`."""
+    """Return the area under the curve of each side and the common end of the curves, each summed over the repetitions,
+    with test cases weighted by `weights`.
+    """
     sums = [0.0, 0.0, 0.0]
     for pair in sides:
         times = [weights[parts.case] for parts in pair]

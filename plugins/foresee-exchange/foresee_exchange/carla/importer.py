@@ -135,7 +135,7 @@ def _report_places(town: Town, placed: Sequence[PlacedRoute], triggers: Sequence
     elsewhere = [t for t in triggers if t.town and towns and t.town not in towns]
     town.left_out.update(f"triggers in {trigger.town}" for trigger in elsewhere)
     unused = sum(_place(t) not in used for t in triggers if t not in elsewhere)
-    town.left_out["triggers that no case uses (a case uses one)"] += unused
+    town.left_out["triggers that no test case uses (each uses one trigger)"] += unused
     moved = [route.start_off_m for route in placed if route.start_off_m > placed_route.MISSED_M]
     if moved:
         town.notes.append(

@@ -21,7 +21,7 @@ def _snapped(value: float) -> float:
 
 @inner
 def _clipped(value: float, least: int, most: int) -> int:
-    if not value > least:  # NaN is not, either
+    if not value > least:  # written with `not` so that NaN gives `least` as well
         return least
     return int(min(value, most))
 

@@ -362,7 +362,7 @@ def _timed(
     scale, offset = number(timing, "scale", 1.0), number(timing, "offset", 0.0)
     if timing.get("domainAbsoluteRelative") == "absolute":
         if begins_s is None:
-            raise NotExpressed("trajectories with the run's times that begin at a time that is not known")
+            raise NotExpressed("trajectories with times of the run, whose time of beginning is not known")
         offset -= begins_s
     if scale <= 0 or profile is None:
         return None

@@ -49,7 +49,9 @@ def related_action(action: Related, scene: Scene, left_out: Counter[str]) -> Xos
             more = 0.0 if action.more is None else si_of(action.more)
             by_factor = osc.SpeedTargetValueType.factor if factor != 1.0 else osc.SpeedTargetValueType.delta
             if factor != 1.0 and more:
-                left_out["a speed with both a ratio and a difference to another's (only the ratio is written)"] += 1
+                left_out[
+                    "the difference of a speed that also has a ratio to another's (only the ratio is written)"
+                ] += 1
             step = osc.TransitionDynamics(osc.DynamicsShapes.step, osc.DynamicsDimension.time, 0)
             value = factor if factor != 1.0 else more
             return osc.RelativeSpeedAction(figure(value), action.other, step, by_factor, continuous=True)

@@ -183,7 +183,7 @@ class Misaligned(Fault):
     """A fault: the sensors are misaligned."""
 
     part = DriverPart.PERCEPTION
-    what = "sees all actors turned around itself, to the right"
+    what = "sees all actors rotated to the right around the ego"
     cause = "a sensor was calibrated badly after a repair"
     scale = "0 to 8 degrees"
 
