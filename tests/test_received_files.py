@@ -67,6 +67,10 @@ READ: dict[str, Row] = {
     "plan": into("--out", *SHORT),
     "study": into("--out", "--plan"),
     "fuzz": into("--out", "--cycles", "1", "--mutations", "1", "--driver", "idm"),
+    "sure": lambda file, out: [
+        [file],
+        ["crosser_after_p1_m2", "--campaign", file, "--out", str(out / "region")],
+    ],
     "triage": lambda file, _: [["--campaign", file], ["1", "known", "--note", "x", "--campaign", file]],
     "history": into("--html"),
     "review": lambda file, _: [[file], ["crosser_after_p1_m2", "--campaign", file]],

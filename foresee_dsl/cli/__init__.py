@@ -48,6 +48,7 @@ COMMANDS = (
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "review", "minimise.review"),
     ("Campaign", "diagnose", "minimise.diagnose"),
+    ("Campaign", "sure", "sure.sure"),
     ("Campaign", "triage", "triage.triage"),
     ("Campaign", "history", "triage.history"),
     ("Campaign", "store", "store.store"),

@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 from foresee_dsl.campaign.assessment import Assessment
 from foresee_dsl.campaign.findings.diagnosing import Diagnosed
 from foresee_dsl.campaign.findings.grouping import Finding
+from foresee_dsl.campaign.findings.sure import Sureness
 from foresee_dsl.campaign.plan import CampaignPlan
 from foresee_dsl.campaign.profiling.profile import Profile
 from foresee_dsl.campaign.records import Minimised
@@ -105,6 +106,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},
     },
     "store": (Statistics, Merged, Swept, {"rows": int, "file": str}),
+    "sure": Sureness,
     "triage": {"file": str, "entries": [Decision], "standing": Standing},
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},
 })  # fmt: skip

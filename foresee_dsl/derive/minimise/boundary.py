@@ -34,7 +34,7 @@ _STEP = Decimal("0.01")
 
 
 @dataclass(frozen=True)
-class _Grid:
+class ValueGrid:
     """The values of a change from the mutated one (index 0) towards the unmutated one (index `count`, which is not
     tried).
     """
@@ -47,12 +47,15 @@ class _Grid:
 
     @property
     def count(self) -> int:
+        """Number of the unmutated value."""
         return math.ceil(abs(self.now - self.was) / self.step)
 
     def value(self, k: int) -> Decimal:
+        """Return the value with a number; negative numbers lie beyond NOW."""
         return self.now - k * self.step if self.now > self.was else self.now + k * self.step
 
     def changed(self, k: int) -> m.Change:
+        """Return the change with the value of a number."""
         return self.change.model_copy(update={"now": m.Quantity(value=self.value(k), unit=self.unit)})
 
 
@@ -67,7 +70,7 @@ def nearest(trials: Trials, candidate: TrialCandidate, index: int, *, look_besid
     Args:
         look_beside: try the next value first; if it does not fail, the search ends.
     """
-    grid = _grid(candidate.changes[index])
+    grid = grid_of(candidate.changes[index])
     if grid is None:
         return candidate
 
@@ -107,7 +110,7 @@ def _edge(low: int, high: int, fails: Callable[[int], bool]) -> int:
 def ask_for_passing(trials: Trials, candidate: TrialCandidate) -> None:
     """If the value next to a boundary fails in another way, run values by bisection until one passes."""
     for index, change in enumerate(candidate.changes):
-        grid = _grid(change)
+        grid = grid_of(change)
         if grid is None:
             continue
         low, high = 0, grid.count
@@ -126,7 +129,7 @@ def boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) -
 
 def _boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) -> Iterator[Boundary]:
     for index, change in enumerate(reduced.changes):
-        grid = _grid(change)
+        grid = grid_of(change)
         if grid is None:
             continue
         as_mutated = next(c for c in whole.changes if _same_place(c, change))
@@ -140,7 +143,7 @@ def _boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) 
         if not passing and len(reduced.changes) > 1:
             continue  # without this change, the others may fail in another way
         offset = _offset(trials, reduced, index, grid)
-        first = _grid(as_mutated)
+        first = grid_of(as_mutated)
         yield Boundary(
             change=f"{change.actor}.{change.property}",
             unit=grid.unit,
@@ -162,7 +165,7 @@ def _runs_of(trials: Trials, reduced: TrialCandidate, index: int) -> Iterable[tu
     own, change = [], reduced.changes[index]
     for candidate, trial in trials.finished():
         there = next((c for c in candidate.changes if _same_place(c, change)), None)
-        grid = _grid(there) if there is not None else None
+        grid = grid_of(there) if there is not None else None
         if grid is None or trial.verdict is None or _others(candidate, grid.change) != _others(reduced, change):
             continue
         if replace(candidate, changes=()) == replace(reduced, changes=()):
@@ -181,12 +184,12 @@ def _summary(value: float, trial: Trial) -> ValueTrial:
     return ValueTrial(_rounded(value), ended, trial.reason)
 
 
-def _offset(trials: Trials, candidate: TrialCandidate, index: int, grid: _Grid) -> float:
+def _offset(trials: Trials, candidate: TrialCandidate, index: int, grid: ValueGrid) -> float:
     """Return by how much the actor's value is larger in a clip that begins later, because the actor has moved on by
     then.
     """
     built = trials.trial(candidate).built
-    own = _grid(built.mutant.changes[index]) if built is not None else None
+    own = grid_of(built.mutant.changes[index]) if built is not None else None
     return float(own.now - grid.now) if own is not None else 0.0
 
 
@@ -194,12 +197,13 @@ def _same_place(change: m.Change, other: m.Change) -> bool:
     return (change.actor, change.property) == (other.actor, other.property)
 
 
-def _grid(change: m.Change) -> _Grid | None:
+def grid_of(change: m.Change) -> ValueGrid | None:
+    """Return the values of a change; None if it changes no number."""
     was, now = change.was, change.now
     if not isinstance(was, m.Quantity) or not isinstance(now, m.Quantity) or was.dimension != now.dimension:
         return None
     before = was.value if was.unit == now.unit else Decimal(repr(round(was.si / UNITS[now.unit].to_si, 6)))
-    return _Grid(change, before, now.value, STEPS.get(change.property, _STEP), now.unit)
+    return ValueGrid(change, before, now.value, STEPS.get(change.property, _STEP), now.unit)
 
 
 def _with(candidate: TrialCandidate, index: int, change: m.Change) -> TrialCandidate:

@@ -1,0 +1,417 @@
+"""How sure a failure is: over sensor seeds, and over the values that its mutation changed (`foresee sure`)."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+from typing import TypeVar
+
+from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.findings.diagnosing import Failing
+from foresee_dsl.derive.minimise.boundary import ValueGrid, grid_of
+from foresee_dsl.documents import every_field, or_null
+from foresee_dsl.drivers.deadlines import DEADLINES
+from foresee_dsl.errors import ForeseeError, InputError
+from foresee_dsl.files import write_whole
+from foresee_dsl.language import model as m
+from foresee_dsl.language.campaign_values import RulesMode
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_item, print_model
+from foresee_dsl.language.project.addresses import absolute
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_mutant, expanded_model, surroundings
+from foresee_dsl.language.project.loading import Project, load_test_case
+from foresee_dsl.language.sampling.draws import values_of
+
+SEEDS = 20
+"""Number of sensor seeds: the share is then known within 0.22 (half the width of its 95 % interval at one half)."""
+SIDE = 9
+"""Values along each side of the map. Ours: four between the unmutated value and the failing one, as many beyond it."""
+DRAWN = 5
+"""Cases that are drawn inside the failing region. Ours: 5 of 5 say that at least 55 % fail, with 95 % confidence."""
+_FARTHEST = 64
+"""Largest distance beyond the failing value at which a passing one is looked for, steps of its grid. Ours: 0.64 of a
+timing, more than any operator changes; seven runs."""
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
+Outcome = bool | None
+"""Whether a run fails; None if its values are not possible."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Where one changed value passes while the others stay as they are.
+
+    Attributes:
+        change: actor and property, such as `walker.timing`. unit: of the values, "" for a ratio.
+        was, fails: the unmutated value, and that of the finding. passes: the passing value nearest to `fails` towards
+          `was`; None if `was` fails too. beyond: the one on the other side; None if none was found.
+        runs: number of runs that it took.
+    """
+
+    change: str
+    unit: str
+    was: float
+    fails: float
+    passes: float | None
+    beyond: float | None
+    runs: int
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "distance": self.distance}
+
+    @property
+    def distance(self) -> float | None:
+        """The smallest change of the value at which it passes; None if it always fails."""
+        far = [round(abs(value - self.fails), 6) for value in (self.passes, self.beyond) if value is not None]
+        return min(far, default=None)
+
+    @property
+    def share(self) -> float:
+        """That change as a share of the mutation's own."""
+        distance = self.distance
+        return distance / abs(self.fails - self.was) if distance is not None else float("inf")
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """Which runs of a grid fail, by two changed values, or by one and the sensor seed.
+
+    Attributes:
+        across, down: the changes (or `seed`). columns, rows: their values as text.
+        fails: by row and column; None where the values are not possible.
+    """
+
+    across: str
+    down: str
+    columns: tuple[str, ...]
+    rows: tuple[str, ...]
+    fails: tuple[tuple[bool | None, ...], ...]
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the map in which every run fails.
+
+    Attributes:
+        parameters: the `param` lines of its names. require: the `require` line.
+        drawn, failed: number of cases that the language drew inside it, and how many of them fail.
+        files: the finding's clip as a scenario, and one with these lines that extends it, if they were to be kept.
+    """
+
+    parameters: tuple[str, ...]
+    require: str
+    drawn: int
+    failed: int
+    files: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Sureness:
+    """How sure a failure is.
+
+    Attributes:
+        name, number: of the finding; 0 without one. seeds, failed: number of sensor seeds, and of those that fail.
+        note: why there is no map or region; "" otherwise.
+    """
+
+    name: str
+    number: int
+    driver: str
+    seeds: int
+    failed: int
+    edges: tuple[Edge, ...] = ()
+    map: HeatMap | None = None
+    region: Region | None = None
+    note: str = ""
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "note": or_null(self.note)}
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """What is run: the failure, and the clip of its mutant."""
+
+    case: TestCase
+    clip: TestCase | None
+    driver: str
+    seed: int
+    rules: RulesMode
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """A run with other changes or another seed."""
+
+    changes: tuple[m.Change, ...] | None = None
+    seed: int | None = None
+
+
+Progress = Callable[[int, int], None]
+"""Called with the numbers of finished and of known tasks."""
+
+
+def how_sure(
+    failing: Failing,
+    jobs: int = 1,
+    progress: Progress = lambda done, of: None,  # noqa: ARG005
+    out: Path | None = None,
+) -> Sureness:
+    """Return how sure a failure is; the result is the same for any number of processes.
+
+    `out`: folder for the failing region as a scenario.
+
+    Raises:
+        ForeseeError: it does not fail any more.
+    """
+    case = replace(failing.case, document=None)
+    clip = None
+    if case.mutant is not None:
+        clip = replace(load_test_case(str(absolute(case.source.parent / case.mutant.parent))), document=None)
+    subject = _Subject(case, clip, failing.driver, failing.seed, failing.rules)
+    runs = _Runs(subject, jobs, progress)
+    seeds = _seeds(failing.seed)
+    outcomes = runs.fail(_Variant(seed=seed) for seed in seeds)
+    if not outcomes[0]:
+        raise ForeseeError(f"{failing.name} does not fail with {failing.driver} and seed {failing.seed} any more")
+    sure = Sureness(failing.name, failing.number, failing.driver, len(seeds), sum(map(bool, outcomes)))
+    grids = [grid for grid in map(grid_of, case.mutant.changes if case.mutant else ()) if grid is not None]
+    if not grids:
+        return replace(sure, note="the finding changes no number, so there is no boundary, map or region")
+    edges = runs.edges(grids)
+    # The changes whose boundary is nearest, compared with the mutation itself, matter most.
+    chosen = sorted(sorted(range(len(grids)), key=lambda k: (edges[k].share, k))[:2])
+    heat_map, box = _mapped(runs, [grids[k] for k in chosen], seeds[:SIDE])
+    region = _region(runs, box, out)
+    return replace(sure, edges=edges, map=heat_map, region=region)
+
+
+def _seeds(own: int) -> list[int]:
+    """Return the sensor seeds: the finding's own first, then the smallest others."""
+    return [own, *(seed for seed in range(SEEDS) if seed != own)][:SEEDS]
+
+
+class _Runs:
+    """Runs variants of a failure in processes of their own."""
+
+    def __init__(self, subject: _Subject, jobs: int, progress: Progress) -> None:
+        self.subject, self._jobs, self._progress = subject, jobs, progress
+        self._done = self._planned = 0
+
+    def fail(self, variants: Iterable[_Variant]) -> list[Outcome]:
+        """Return for each variant whether it fails."""
+        return self._all(partial(_fails, self.subject), list(variants), 1)
+
+    def edges(self, grids: Sequence[ValueGrid]) -> tuple[Edge, ...]:
+        """Return the boundary of each changed value."""
+        return tuple(self._all(partial(_edge, self.subject), list(grids), 2 * _FARTHEST))
+
+    def _all(self, function: Callable[[Argument], Result], arguments: Sequence[Argument], runs: int) -> list[Result]:
+        outcomes: dict[str, Result] = {}
+        self._planned += len(arguments)
+        deadline_s = DEADLINES.for_run_s(longest_s(self.subject.case)) * runs
+        with WorkerPool(min(self._jobs, len(arguments))) as pool:
+            pool.add(Task(str(k), function, argument, deadline_s) for k, argument in enumerate(arguments))
+            for task, outcome in pool.results():
+                if isinstance(outcome, Broken):
+                    raise ForeseeError(f"a run of {self.subject.case.id} broke: {outcome.reason}")
+                outcomes[task.name] = outcome
+                self._done += 1
+                self._progress(self._done, self._planned)
+        return [outcomes[str(k)] for k in range(len(arguments))]
+
+
+def _fails(subject: _Subject, variant: _Variant) -> Outcome:
+    """Return whether a variant fails; None if its values are not possible."""
+    case, mutant = subject.case, subject.case.mutant
+    if variant.changes is not None and mutant is not None and subject.clip is not None:
+        others = tuple(item for item in mutant.body if not isinstance(item, m.Change))
+        changed = mutant.model_copy(update={"body": (*variant.changes, *others)})
+        try:
+            again = parse(print_model(changed), case.id).model  # values out of their bounds raise here
+            assert isinstance(again, m.Mutant)  # noqa: S101 - it was printed from one
+            case = expand_mutant(again, subject.clip, source=case.source)
+        except InputError:
+            return None
+    return _case_fails(replace(subject, seed=subject.seed if variant.seed is None else variant.seed), case)
+
+
+def _case_fails(subject: _Subject, case: TestCase) -> Outcome:
+    try:
+        return run_test_case(case, subject.driver, subject.seed, rules=subject.rules).verdict.is_failure
+    except InputError:
+        return None
+
+
+def _changed(subject: _Subject, *values: m.Change) -> tuple[m.Change, ...]:
+    """Return the finding's changes with some of them replaced."""
+    mutant = subject.case.mutant
+    new = {(change.actor, change.property): change for change in values}
+    return tuple(new.get((c.actor, c.property), c) for c in (mutant.changes if mutant is not None else ()))
+
+
+def _edge(subject: _Subject, grid: ValueGrid) -> Edge:
+    """Return the boundary of one value on both sides, by bisection with real runs."""
+    ended: dict[int, Outcome] = {0: True}
+
+    def fails(k: int) -> bool:
+        if k not in ended:
+            ended[k] = _fails(subject, _Variant(_changed(subject, _at(grid, k))))
+        return bool(ended[k])
+
+    def passing(first: int, last: int) -> int:
+        """Return a passing number next to a failing one; `first` fails and `last` passes."""
+        while abs(last - first) > 1:
+            middle = (first + last) // 2
+            first, last = (middle, last) if fails(middle) else (first, middle)
+        return last
+
+    towards = None if fails(grid.count) else passing(0, grid.count)
+    farthest, far = 0, -1
+    while -far <= _FARTHEST and fails(far):
+        farthest, far = far, 2 * far
+    possible = -far <= _FARTHEST and ended[far] is not None
+    beyond = passing(farthest, far) if possible else None
+    return Edge(
+        change=f"{grid.change.actor}.{grid.change.property}",
+        unit=grid.unit,
+        was=float(grid.was),
+        fails=float(grid.now),
+        passes=None if towards is None else _value(grid, towards),
+        beyond=None if beyond is None else _value(grid, beyond),
+        runs=len(ended) - 1,
+    )
+
+
+def _at(grid: ValueGrid, k: int) -> m.Change:
+    """Return the change with a number of its grid; the last one is the unmutated value."""
+    if k < grid.count:
+        return grid.changed(k)
+    return grid.change.model_copy(update={"now": m.Quantity(value=grid.was, unit=grid.unit)})
+
+
+def _value(grid: ValueGrid, k: int) -> float:
+    return float(grid.was if k >= grid.count else grid.value(k))
+
+
+@dataclass(frozen=True)
+class _Box:
+    """A part of the map in which all runs fail: for each value its grid, and the first and last of its numbers."""
+
+    sides: tuple[tuple[ValueGrid, int, int], ...]
+    spans: tuple[tuple[int, int], ...]
+    """First and last number of each side of the whole map."""
+
+
+def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tuple[HeatMap, _Box]:
+    """Run the map, and return it with the largest box of failing runs around the finding's own."""
+    steps = [_numbers(grid) for grid in grids]
+    across, *others = grids
+    if others:
+        down, rows = others[0], steps[1]
+        variants = [_Variant(_changed(runs.subject, _at(across, k), _at(down, row))) for row in rows for k in steps[0]]
+        names = [_text(down, row) for row in rows]
+    else:
+        variants = [_Variant(_changed(runs.subject, _at(across, k)), seed) for seed in seeds for k in steps[0]]
+        names = [str(seed) for seed in seeds]
+    outcomes = runs.fail(variants)
+    fails = [outcomes[k : k + SIDE] for k in range(0, len(outcomes), SIDE)]
+    heat_map = HeatMap(
+        across=f"{across.change.actor}.{across.change.property}",
+        down=f"{others[0].change.actor}.{others[0].change.property}" if others else "seed",
+        columns=tuple(_text(across, k) for k in steps[0]),
+        rows=tuple(names),
+        fails=tuple(map(tuple, fails)),
+    )
+    own = SIDE // 2
+    top, bottom, left, right = _box(fails if others else fails[:1], own if others else 0, own)
+    sides = [(across, steps[0][left], steps[0][right])]
+    if others:
+        sides.append((others[0], steps[1][top], steps[1][bottom]))
+    return heat_map, _Box(tuple(sides), tuple((numbers[0], numbers[-1]) for numbers in steps))
+
+
+def _numbers(grid: ValueGrid) -> list[int]:
+    """Return the numbers of a grid along one side of the map: from the unmutated value to twice the change."""
+    step = max(1, round(grid.count / (SIDE // 2)))
+    return [step * k for k in range(SIDE // 2, -(SIDE // 2) - 1, -1)]
+
+
+def _text(grid: ValueGrid, k: int) -> str:
+    return f"{_value(grid, k):.2f}{f' {grid.unit}' if grid.unit else ''}"
+
+
+def _box(fails: Sequence[Sequence[Outcome]], row: int, column: int) -> tuple[int, int, int, int]:
+    """Return the rows and columns (first and last) of the largest rectangle of failing runs around one run."""
+    height, width = len(fails), len(fails[0])
+    best, area = (row, row, column, column), 1
+    for top, bottom in combinations(range(-1, height), 2):
+        for left, right in combinations(range(-1, width), 2):
+            inside = top < row <= bottom and left < column <= right
+            size = (bottom - top) * (right - left)
+            if inside and size > area and all(all(line[left + 1 : right + 1]) for line in fails[top + 1 : bottom + 1]):
+                best, area = (top + 1, bottom, left + 1, right), size
+    return best
+
+
+def _region(runs: _Runs, box: _Box, out: Path | None) -> Region:
+    """Return the box as lines of the language, and how many of the cases fail that the language draws inside it."""
+    subject = runs.subject
+    assert subject.clip is not None  # noqa: S101 - a mutant's box
+    names = [f"{grid.change.actor}_{grid.change.property}" for grid, _, _ in box.sides]
+    lines, conditions = [], []
+    for name, (grid, first, last), (start, end) in zip(names, box.sides, box.spans, strict=True):
+        low, high = sorted((_decimal(grid, first), _decimal(grid, last)))
+        least, most = sorted((_decimal(grid, start), _decimal(grid, end)))
+        unit = f" {grid.unit}" if grid.unit else ""
+        kind = m.Quantity(value=grid.now, unit=grid.unit).dimension
+        lines.append(f"param {name}: {kind} = {grid.now}{unit} in {least}{unit}..{most}{unit} step {grid.step}{unit}")
+        conditions += [f"{name} >= {low}{unit}", f"{name} <= {high}{unit}"]
+    require = f"require {' and '.join(conditions)}"
+    by_place = {
+        (grid.change.actor, grid.change.property): name for name, (grid, _, _) in zip(names, box.sides, strict=True)
+    }
+    changes = [
+        print_item(c.model_copy(update={"now": by_place.get((c.actor, c.property), c.now)})) for c in _changed(subject)
+    ]
+    with tempfile.TemporaryDirectory() as temporary:
+        files = _scenarios(subject.clip, out or Path(temporary), [*lines, require], changes)
+        scenario = Project(allow_outside=True).whole_scenario(files[-1])
+        drawn = [values_of(scenario, case) for case in scenario.all(m.Case)]
+        outcomes = runs.fail(_Variant(_at_values(subject, by_place, values)) for values in drawn)
+    return Region(tuple(lines), require, len(outcomes), sum(map(bool, outcomes)), files if out is not None else ())
+
+
+def _at_values(
+    subject: _Subject, names: Mapping[tuple[str, str], str], values: Mapping[str, m.ParamValue]
+) -> tuple[m.Change, ...]:
+    """Return the finding's changes with the values of a drawn case; `names`: parameters by actor and property."""
+    named = ((change, names.get((change.actor, change.property))) for change in _changed(subject))
+    return tuple(change if name is None else change.model_copy(update={"now": values[name]}) for change, name in named)
+
+
+def _decimal(grid: ValueGrid, k: int) -> Decimal:
+    return grid.was if k >= grid.count else grid.value(k)
+
+
+def _scenarios(clip: TestCase, folder: Path, added: Sequence[str], changes: Sequence[str]) -> tuple[Path, Path]:
+    """Write the clip as a scenario, and the scenario that extends it, into a folder; return their files."""
+    apart = m.UseNetwork | m.UseModels | m.Network
+    whole = expanded_model(clip)
+    body = (*surroundings(clip, folder), *(item for item in whole.body if not isinstance(item, apart)))
+    base = print_model(whole.model_copy(update={"name": "base", "body": body}))
+    lines = [*(f"add {line}" for line in added), *changes, f"add cases {DRAWN} from seed 1"]
+    text = 'foresee 1\n\nscenario region extends "base.foresee" {\n' + "".join(f"  {line}\n" for line in lines) + "}\n"
+    files = folder / "base.foresee", folder / "region.foresee"
+    write_whole(files[0], base)
+    write_whole(files[1], text)
+    return files
