@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from foresee_dsl.campaign.records import (
 from foresee_dsl.campaign.results import sorted_outcomes
 from foresee_dsl.campaign.stages import FAILED, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant, Origin
@@ -32,6 +34,8 @@ from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import Trace
+
+_NO_FILE_NAME = re.compile(r"[^\w+-]")
 
 
 class Assembly(NamedTuple):
@@ -48,6 +52,11 @@ class Assembly(NamedTuple):
     clips: tuple[ClipOutcome, ...]
     traces: dict[str, tuple[str, str]]
     minimised: tuple[Minimised, ...]
+
+
+def reference_trace(file: str, driver: str) -> str:
+    """Return the file of a reference driver's run of the failure in a file: `NAME.idm.npz` beside `NAME.foresee`."""
+    return f"{file.rpartition('.')[0]}.{_NO_FILE_NAME.sub('_', driver)}.npz"
 
 
 @Part.FOLDER.measured
@@ -90,6 +99,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
                                                             **_allocated(node))  # fmt: skip
             case ReferenceRun():
                 references[node.above] = (*references.get(node.above, ()), record)
+                traces |= _run_beside(node, row, record.driver)
             case Minimised():
                 minimised[node] = _here(record, node, out)
                 if row.trace:
@@ -106,6 +116,16 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     small = (_answered(small_finding, references.get(node, ())) for node, small_finding in minimised.items())
     by_name = tuple(sorted(small, key=lambda small_finding: small_finding.child.name))
     return Assembly(*sorted_outcomes(completed.values(), whole), traces, by_name)
+
+
+def _run_beside(node: StepNode, row: Row, driver: str) -> dict[str, tuple[str, str]]:
+    """Return the trace of a reference driver's run, by the file that it gets beside the failure; empty if none is
+    stored."""
+    if not row.trace or node.above is None:
+        return {}
+    above = node.above
+    return {reference_trace(above.file if above.step.kind == MinimiseStep.kind else f"traces/{above.step.name}.npz",
+                            driver): (row.trace, "")}  # fmt: skip
 
 
 def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[StepNode, Row]]:

@@ -117,6 +117,7 @@ def campaign(
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_dsl.report.page.running import RunningPage
     from foresee_dsl.report.terminal.live import FirstFailure, progress
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
@@ -145,7 +146,7 @@ def campaign(
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])
         stored = Stored()
-        listeners += [first_failure, stored]
+        listeners += [first_failure, stored, RunningPage(flags.out / "report.html", request.settings[0])]
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)
         notes = notes_on(store)

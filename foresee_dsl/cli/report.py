@@ -26,8 +26,11 @@ def report(
             "json",
         ),
     ] = "html",
+    reasons: Annotated[
+        bool, typer.Option("--reasons", help="html: drive the failing runs again, for the driver's own reasons.")
+    ] = False,
 ) -> None:
-    """Write the report of a finished campaign; nothing is run again.
+    """Write the report of a finished campaign; without --reasons, nothing is run again.
 
     The report notes files that are missing or were edited since.
 
@@ -42,7 +45,7 @@ def report(
             from foresee_dsl.report.page.html import write_report
 
             file = output or out / "report.html"
-            write_report(folders, file)
+            write_report(folders, file, reasons=reasons)
             typer.echo(str(file))
         case "markdown":
             from foresee_dsl.report.page.markdown import write_markdown

@@ -66,7 +66,7 @@ class Curves {
     }
     if (run.contact) mark(run.contact[0], c.paints.contact.line, []);
     for (const line of this.lines) {
-      ctx.strokeStyle = c.paints[line.colour].fill;
+      ctx.strokeStyle = line.colour === 'good' ? c.good : c.paints[line.colour].fill;
       ctx.lineWidth = line.dashed ? 1.2 : 1.8;
       ctx.setLineDash(line.dashed ? [4, 3] : []);
       ctx.beginPath();
@@ -124,7 +124,7 @@ class Curves {
     for (const line of [...this.lines].reverse()) {
       const value = line.values[frame];
       if (value === null || value === undefined) continue;
-      ctx.fillStyle = c.paints[line.colour].fill;
+      ctx.fillStyle = line.colour === 'good' ? c.good : c.paints[line.colour].fill;
       ctx.beginPath();
       ctx.arc(x(time), y(value), line.dashed ? 2 : 3, 0, 7);
       ctx.fill();

@@ -185,6 +185,7 @@ const pressed = {
   Home: () => { player.pause(); player.seek(0); },
   End: () => { player.pause(); player.seek(player.run.end); },
   c: () => player.next(),
+  o: () => player.accompany((Number(player.beside.value) + 1) % player.beside.length),
   f: () => player.change('follow', !player.show.follow),
   g: () => player.change('ghosts', !player.show.ghosts),
   s: () => player.change('sight', !player.show.sight),

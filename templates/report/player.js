@@ -34,6 +34,7 @@ class Player {
     });
     this.slider.addEventListener('input', () => { this.pause(); this.seek(Number(this.slider.value)); });
     this.measure.addEventListener('change', () => { this.curve = this.measure.value; this.choose(); this.draw(); });
+    this.find('.other').addEventListener('change', (event) => this.accompany(Number(event.target.value)));
     this.find('.rate').addEventListener('change', (event) => { this.rate = Number(event.target.value); });
     for (const box of this.node.querySelectorAll('[data-switch]')) {
       box.addEventListener('change', () => this.change(box.dataset.switch, box.checked));
@@ -103,13 +104,6 @@ class Player {
     const { run } = this;
     stage.prepend(this.node);
     const other = run.opponent ? run.opponent.id : 'the other';
-    const ghostly = (actor) => run.ghosts.filter((ghost) => actor && ghost.of === actor.index);
-    this.speed.show(run, [
-      ...ghostly(run.ego).map((ghost) => ({ name: '', values: run.speeds(ghost.way), colour: 'ego', dashed: true })),
-      ...ghostly(run.opponent).map((ghost) => ({ name: '', values: run.speeds(ghost.way), colour: 'opponent', dashed: true })),
-      { name: 'ego', values: run.speeds(run.ego.way), colour: 'ego' },
-      ...(run.opponent ? [{ name: other, values: run.speeds(run.opponent.way), colour: 'opponent' }] : []),
-    ]);
     const measures = DRAWING.measures.filter(([name]) => name in run.raw.curves);
     this.measure.replaceChildren(...[['gap', `distance to ${other}`, 'm'], ...measures].map(([name, words, unit]) => {
       const option = document.createElement('option');
@@ -121,11 +115,45 @@ class Player {
     this.find('.ruled').hidden = !run.rules.length;
     for (const part of this.node.querySelectorAll('.ghosted')) part.hidden = !run.ghosts.length;
     this.find('.foreseen').hidden = !run.forecast;
+    this.beside = this.find('.other');
+    this.beside.replaceChildren(...['no other driver', ...run.others.map((one) => one.driver)].map((words, k) => {
+      const option = document.createElement('option');
+      [option.value, option.textContent] = [k, words];
+      return option;
+    }));
+    this.find('.besides').hidden = !run.others.length;
     this.slider.max = run.end;
     this.moved = false;
     this.view = fitted(run, this.canvas);
+    this.accompany(0);
     this.change('follow', run.end > 20);
     this.seek(keyTime(run));
+  }
+
+  // Show the run of another driver beside this one: the first for 1; none for 0.
+  accompany(number) {
+    const { run } = this;
+    this.show.other = run.others[number - 1] || null;
+    this.beside.value = this.show.other ? number : 0;
+    this.find('.accompanied').hidden = !this.show.other;
+    const answer = this.show.other && this.section.querySelector(`.references [data-driver="${CSS.escape(this.show.other.driver)}"]`);
+    this.find('.besides .answer').textContent = answer ? answer.textContent.trim().replace(/\s+/g, ' ') : '';
+    this.speeds();
+    this.draw();
+  }
+
+  // The speeds of ego and opponent, in the parent's run too, and of the ego of the run beside it.
+  speeds() {
+    const { run } = this;
+    const other = run.opponent ? run.opponent.id : 'the other';
+    const ghostly = (actor) => run.ghosts.filter((ghost) => actor && ghost.of === actor.index);
+    this.speed.show(run, [
+      ...ghostly(run.ego).map((ghost) => ({ name: '', values: run.speeds(ghost.way), colour: 'ego', dashed: true })),
+      ...ghostly(run.opponent).map((ghost) => ({ name: '', values: run.speeds(ghost.way), colour: 'opponent', dashed: true })),
+      { name: 'ego', values: run.speeds(run.ego.way), colour: 'ego' },
+      ...(run.opponent ? [{ name: other, values: run.speeds(run.opponent.way), colour: 'opponent' }] : []),
+      ...(this.show.other ? [{ name: this.show.other.driver, values: run.speeds(this.show.other.way), colour: 'good' }] : []),
+    ]);
   }
 
   // Show the chosen curve, or the distance if this run has no values of it.
@@ -186,7 +214,20 @@ class Player {
     this.draw();
   }
 
+  // The driver's own reasons at the cursor, if the page has them.
+  because() {
+    const { reasons } = this.run.raw;
+    this.find('.because').hidden = !reasons.length;
+    const texts = (reasons.filter(([at]) => at <= this.time + 0.011).pop() || [0, []])[1];
+    this.find('.because ul').replaceChildren(...(texts.length ? texts : ['none: it drives freely']).map((text) => {
+      const item = document.createElement('li');
+      item.textContent = text;
+      return item;
+    }));
+  }
+
   tell() {
+    this.because();
     const past = this.run.moments.filter(([at]) => at <= this.time + 0.011);
     const last = past[past.length - 1];
     const near = last && this.time - last[0] < 1.5 ? last[1] : '';

@@ -46,6 +46,7 @@ class Run {
     this.forecast = raw.forecast;
     this.moments = raw.moments;
     this.rules = raw.rules;
+    this.others = raw.others.map((other) => ({ driver: other.driver, way: wayOf(other.way) }));
   }
 
   timeOf(frame) { return Math.min(frame * this.step, this.end); }

@@ -5,7 +5,7 @@ const colours = () => {
   const style = getComputedStyle(document.documentElement);
   const value = (name) => style.getPropertyValue(`--${name}`).trim();
   const named = (names, of) => Object.fromEntries(names.map((name) => [name, of(name)]));
-  return { ...named(['panel', 'line', 'ink', 'muted', 'accent', 'warn'], value),
+  return { ...named(['panel', 'line', 'ink', 'muted', 'accent', 'warn', 'good'], value),
     paints: named(DRAWING.paints, (name) => ({ fill: value(`p-${name}`), line: value(`p-${name}-line`) })) };
 };
 const EYE_M = 1.6; // height of the ego's sensors, m: lower bodies hide nothing in this picture
@@ -140,7 +140,7 @@ const drawSignals = (ctx, run, time, c, pixel) => {
   }
 };
 
-// Draws the scene at a time. `view`: {x, y, scale (px/m)}; `show`: {ghosts, sight}.
+// Draws the scene at a time. `view`: {x, y, scale (px/m)}; `show`: {ghosts, sight, other}.
 const drawScene = (canvas, run, ground, time, view, show, c) => {
   const ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth || canvas.width;
@@ -198,6 +198,11 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
     }
     if (pose) drawBody(ctx, pose, actor, c, { filled: run.seen(actor, time), dashed: false, pixel });
   });
+  if (show.other) { // the ego of another driver in the same situation
+    const pose = run.pose(show.other.way, time);
+    drawTrail(ctx, run, show.other.way, time, c.good, pixel);
+    if (pose) drawBody(ctx, pose, run.ego, { ...c, paints: { ...c.paints, [run.ego.paint]: { fill: c.good } } }, { filled: false, dashed: false, pixel });
+  }
   if (ego && run.opponent && poses[run.opponent.index]) {
     const other = poses[run.opponent.index];
     ctx.strokeStyle = c.paints.opponent.fill;

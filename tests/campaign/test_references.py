@@ -156,7 +156,7 @@ def test_a_driver_that_fails_before_the_mutation_shows_nothing(
     case, address = load_test_case(str(out / child.file)), child.references[0].driver
     runs = {}
     for verdict in (Verdict.PASS, *FAILURES, Verdict.TIMEOUT, Verdict.CRASH):
-        runs[verdict] = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES,
+        runs[verdict], _ = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES,
                                rules=AGAINST.rules)  # fmt: skip
         assert (runs[verdict].verdict, runs[verdict].before) == (Verdict.PASS, verdict)
     passes, fails = runs[Verdict.PASS], runs[Verdict.F4]

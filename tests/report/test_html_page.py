@@ -15,22 +15,28 @@ import jsonschema
 import numpy as np
 import pytest
 
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.playback import shown_frames
 from foresee_dsl.report.page.recorded import Anticipation, Preventability, campaign_folders
+from foresee_dsl.report.page.running import EVERY_S, RunningPage
 from foresee_dsl.report.page.runs import Outcome, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
+from foresee_dsl.report.show.sources import Wish, find
+from foresee_dsl.report.show.steps import recorded_steps
 from foresee_dsl.simulate.results.criticality import Measure, criticality
-from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment
 from tests.support import command
 from tests.support.browser import browser, needs_chromium
-from tests.support.small_campaign import campaign, write_project
+from tests.support.small_campaign import SETTINGS, campaign, write_project
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -290,6 +296,71 @@ def test_a_broken_rule_is_marked_on_the_time_axis(browser: Any, out: Path, tmp_p
         one.close()
     assert colours[0] == [255, 255, 255, 255]
     assert colours[1] == [122, 79, 1, 255]  # --warn
+
+
+@needs_chromium
+def test_another_driver_s_run_is_shown_beside_it(browser: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    campaign(write_project(tmp_path / "project"), folder, replace(SETTINGS, against=("pdm",)))
+    write_report([folder], folder / "report.html")
+    one = Opened(browser, folder / "report.html")
+    small = json.loads((folder / "campaign.json").read_text())["findings"][0]["minimised"]["file"]
+    theirs = run_test_case(load_test_case(str(folder / small), allow_outside=True), "pdm", 0).trace
+    assert one.ask("[...document.querySelectorAll('.other option')].map((o) => o.textContent)") == [
+        "no other driver", "pdm",
+    ]  # fmt: skip
+    one.page.select_option(".other", "1")
+    one.seek(1.0)
+    pose = one.ask("foresee.player.run.pose(foresee.player.show.other.way, 1.0)")
+    assert (pose["x"], pose["y"]) == pytest.approx(theirs.states[20, 0, [X, Y]].tolist(), abs=0.011)
+    assert one.page.inner_text(".besides .answer").startswith("pdm ")
+    green = """(() => { // pixels in the colour of the other driver's ego
+        const canvas = document.querySelector('.scene');
+        const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+        let count = 0;
+        for (let k = 0; k < data.length; k += 4) count += data[k] === 23 && data[k + 1] === 105 && data[k + 2] === 58;
+        return count;
+    })()"""
+    assert one.ask(green) > 20
+    one.page.select_option(".other", "0")
+    assert one.ask(green) == 0
+    one.close()
+
+
+@needs_chromium
+def test_the_driver_s_reasons_at_the_cursor(browser: Any, out: Path, tmp_path: Path) -> None:
+    write_report([out], tmp_path / "reasons.html", reasons=True)
+    one = Opened(browser, tmp_path / "reasons.html")
+    reasons = one.ask("foresee.player.run.raw.reasons")
+    small = json.loads((out / "campaign.json").read_text())["findings"][0]["minimised"]["file"]
+    steps, same = recorded_steps(find(str(out / small), Wish(driver="idm", allow_outside=True)), every_s=0.2)
+    assert same and reasons
+    for step in steps:
+        one.seek(step.time_s)
+        expected = [" ".join(reason.rule.split()) for reason in step.reasons] or ["none"]
+        items = one.page.query_selector_all(".because li")
+        assert len(items) == len(expected)
+        assert all(rule in item.inner_text() for rule, item in zip(expected, items, strict=True))
+    one.close()
+
+
+@needs_chromium
+def test_a_running_campaign_has_a_page(browser: Any, tmp_path: Path) -> None:
+    file, seconds = tmp_path / "report.html", [0.0]
+    page = RunningPage(file, SETTINGS, clock=lambda: seconds[0], now=lambda: "12:34:56")
+    page.planned("child", 3)
+    assert "running, 0 of 3" in file.read_text()
+    row = Row("k", "child", f"<b>{HOSTILE[:60]}", b"", verdict="F2", reason="hit <script>")
+    page.done(row)
+    assert "running, 0 of 3" in file.read_text()  # too early to write again
+    seconds[0] += EVERY_S
+    page.done(replace(row, verdict="pass"))
+    one = Opened(browser, file)
+    assert one.page.title() == "running, 2 of 3: idm"
+    assert one.page.get_attribute("meta[http-equiv=refresh]", "content") == "10"
+    assert len(one.page.query_selector_all(".so-far tbody tr")) == 1
+    assert one.ask("window.hacked") is None
+    one.close()
 
 
 @needs_chromium

@@ -40,7 +40,7 @@ class CaseReferenceStep(Reference, Step[CaseStep, CaseRunOutcome]):
             yield cls(key, f"{above.name}_{driver}", above.seed, driver)
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:
-        """Run the test case with the reference driver."""
+        """Run the test case with the reference driver; a report shows the run beside the failing one."""
         return driven(
             self.driver, case, None, trace, seed=self.seed, deadlines=work.deadlines, rules=work.settings.rules
-        ), None
+        )

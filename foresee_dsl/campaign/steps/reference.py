@@ -51,6 +51,7 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
         child = expand_mutant(mutant_of(self.mutant.text), clip, source=work.folder / f"{self.name}.foresee")
         before = partial(verdict_of_clip, self.draft.text, work.case, file, driver=self.driver, seed=self.seed,
                          deadlines=work.deadlines, rules=work.settings.rules)  # fmt: skip
-        return driven(
+        run, _ = driven(
             self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines, rules=work.settings.rules
-        ), None
+        )
+        return run, None

@@ -17,7 +17,7 @@ from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part, reference_driver
-from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -51,14 +51,12 @@ def driven(
     seed: int,
     deadlines: Deadlines,
     rules: RulesMode,
-) -> ReferenceRun:
-    """Return a reference driver's run of a failing test case."""
-
-    def drive() -> RunResult:
-        with reference_driver():
-            return run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
-
-    return ReferenceDriver(driver, drive, before).judge(Failure(failed, compiled=compile_test_case(case)))
+) -> tuple[ReferenceRun, Trace]:
+    """Return a reference driver's run of a failing test case, and its trace."""
+    with reference_driver():
+        result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
+    judge = ReferenceDriver(driver, lambda: result, before)
+    return judge.judge(Failure(failed, compiled=compile_test_case(case))), result.trace
 
 
 _MOST_KNOWN = 64

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import FOLDED
+from foresee_dsl.campaign.assembly import reference_trace
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.campaign.findings.written import read_written
@@ -23,6 +24,7 @@ from foresee_dsl.report.page.recorded import (
     ClipRun,
     Finding,
     Preventability,
+    Reference,
     read_campaign_folder,
 )
 from foresee_dsl.report.page.runs import Outcome, Reader
@@ -211,9 +213,16 @@ def _minimised(source: Source, record: Finding, outcome: Outcome) -> Outcome | N
         if record.anticipation
         else None,
         references=small.references,
+        beside=_beside(file, small.references),
         minimised=small,
         unreduced=Path(outcome.address),
     )
+
+
+def _beside(file: Path, references: Sequence[Reference]) -> tuple[tuple[str, Path], ...]:
+    """Return the stored runs of reference drivers of the failure in a file, by driver; older campaigns have none."""
+    files = ((run.driver, Path(reference_trace(file.as_posix(), run.driver))) for run in references)
+    return tuple((driver, trace) for driver, trace in files if trace.is_file())
 
 
 def _failures(source: Source) -> dict[str, Outcome]:
@@ -237,6 +246,7 @@ def _failures(source: Source) -> dict[str, Outcome]:
             preventability=case.preventability,
             anticipation=case.anticipation,
             references=case.references,
+            beside=_beside(traces[case.test_case], case.references) if case.trace else (),
         )
     for clip, child in _failing_children(campaign):
         outcomes[child.mutant] = _child(source, clip, child, traces.get(clip.test_case), seed)

@@ -39,14 +39,16 @@ PAINTS = (
 _DRAWING = {"paints": PAINTS, "limits": LIMITS, "measures": MEASURES}
 
 
-def write_report(folders: Sequence[Path], file: Path) -> Contents:
+def write_report(folders: Sequence[Path], file: Path, *, reasons: bool = False) -> Contents:
     """Write the page of finished campaigns, and return its contents.
+
+    `reasons`: drive the failing runs again, for the driver's own reasons at each moment.
 
     Raises:
         ForeseeError: a folder does not hold a campaign.
         OSError: the file cannot be written.
     """
-    reader = Reader()
+    reader = Reader(reasons=reasons)
     contents = contents_of(folders, reader)
     write_whole(file, rendered(contents, reader))
     return contents
@@ -54,11 +56,7 @@ def write_report(folders: Sequence[Path], file: Path) -> Contents:
 
 def rendered(contents: Contents, reader: Reader) -> str:
     """Return the page as HTML; names and reasons are escaped, so that they are shown as text."""
-    style = (
-        templates("report", markup=False)
-        .get_template("page.css.j2")
-        .render(light=custom_properties(PAINTS), dark=custom_properties(PAINTS, dark=True))
-    )
+    style = page_style()
     script = "\n".join(map(_source, SCRIPTS))
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
     findings = contents.findings
@@ -71,14 +69,14 @@ def rendered(contents: Contents, reader: Reader) -> str:
         "anticipation": [(a, a) for a in options_of(findings, lambda finding: finding.anticipation)],
         "driver": [(d, d) for d in options_of(findings, lambda finding: finding.driver)],
     }
-    template = _templates().get_template("page.html.j2")
+    template = page_templates().get_template("page.html.j2")
     return template.render(
         contents=contents,
         filters={name: options for name, options in filters.items() if len(options) > 1},
         style=style,
         script=script,
-        style_hash=_hash(style),
-        script_hash=_hash(script),
+        style_hash=hash_of(style),
+        script_hash=hash_of(script),
         family_title=family_title,
         data={
             name: _data(value)
@@ -88,7 +86,14 @@ def rendered(contents: Contents, reader: Reader) -> str:
 
 
 @cache
-def _templates() -> Environment:
+def page_style() -> str:
+    """Return the style of the page."""
+    template = templates("report", markup=False).get_template("page.css.j2")
+    return template.render(light=custom_properties(PAINTS), dark=custom_properties(PAINTS, dark=True))
+
+
+@cache
+def page_templates() -> Environment:
     """Return the templates of reports.
 
     Control characters and hidden characters in every inserted text are made visible.
@@ -120,6 +125,6 @@ def _source(name: str) -> str:
     return (data_folder("templates") / "report" / name).read_text(encoding="utf-8")
 
 
-def _hash(text: str) -> str:
+def hash_of(text: str) -> str:
     """Return the hash by which a content security policy allows an inline style or script."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

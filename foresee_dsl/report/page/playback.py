@@ -44,7 +44,7 @@ MRAD = 1000.0
 
 PET = "pet_s"
 MEASURES = (
-    *((m.value, m.words, m.unit or "share", m.decimals) for m in Measure),
+    *((m.value, m.words, m.unit or "share", 1 if m.unit == "m" else 2) for m in Measure),
     (PET, "time between both at a spot", "s", 2),
 )
 """The curves of criticality that a page offers: name, words, unit, decimals."""
@@ -115,6 +115,8 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
             for r in infractions_in(trace.meta)
             if r.actor == trace.actors[0].id
         ],
+        "others": [],
+        "reasons": [],
         "ghosts": [],
         "ghost_gap": [],
         "differs": None,
@@ -165,6 +167,16 @@ def _way(states: FloatArray) -> list[list[Any]]:
         columns = ((part[:, X], CM), (part[:, Y], CM), (heading, MRAD), (part[:, SPEED], CM))
         stretches.append([first, beyond - first, *(_short(deltas(values, unit)) for values, unit in columns)])
     return stretches
+
+
+def ego_way(trace: Trace, frames: int) -> list[list[Any]]:
+    """Return the way of the ego of another run of the same situation, as `_way`, at the frames that are shown of a run
+    with a number of frames; nothing where it had ended."""
+    kept_frames = shown_frames(frames)
+    states = np.full((len(kept_frames), trace.states.shape[2]), np.nan)
+    there = kept_frames < trace.frames
+    states[there] = trace.states[kept_frames[there], 0]
+    return _way(states)
 
 
 def _short(values: list[int]) -> list[int]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.drivers.consent import may_start
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.language.model import Doc, Mutant, Origin, Quantity
 from foresee_dsl.language.parser import load
@@ -25,9 +26,11 @@ from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.drawing.data import as_data
 from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import ground_shapes
-from foresee_dsl.report.page.playback import Marks, Parent, playback
+from foresee_dsl.report.page.playback import Marks, Parent, ego_way, playback
 from foresee_dsl.report.page.recorded import Anticipation, Minimised, Preventability, Reference
 from foresee_dsl.report.page.thumbnail import Thumbnail, thumbnail
+from foresee_dsl.report.show.sources import ShownRun
+from foresee_dsl.report.show.steps import reason_texts, recorded_steps
 from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import contact_of, touched_at
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -43,6 +46,10 @@ TOLERANCE_M = 0.05
 """Lines are simplified with this tolerance, m. Ours: half a pixel at the usual 10 px/m."""
 
 
+REASONS_EVERY_S = 0.2
+"""Time between two moments of which a page has the driver's reasons, s. Ours: shorter than a reaction."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """The end of a failing run, and the files of the run.
@@ -50,6 +57,7 @@ class Outcome:
     Attributes:
         address: the argument of `foresee run`: the mutant's file, or the test case's address. trace: the trace's file.
         parent_trace: the trace's file of the test case from which a mutant was derived.
+        beside: traces of reference drivers in the same situation, by driver.
         minimised: for a minimised mutant, how it was minimised. unreduced: the file of the mutant before that.
     """
 
@@ -65,6 +73,7 @@ class Outcome:
     preventability: Preventability | None = None
     anticipation: Anticipation | None = None
     references: tuple[Reference, ...] = ()
+    beside: tuple[tuple[str, Path], ...] = ()
     minimised: Minimised | None = None
     unreduced: Path | None = None
 
@@ -173,6 +182,8 @@ class Reader:
     """The playbacks of the runs that were read so far, by id."""
     plays: bool = True
     """Whether playbacks are computed, which takes most of the time."""
+    reasons: bool = False
+    """Whether runs are driven again for the driver's own reasons."""
 
     def __post_init__(self) -> None:
         self._project = Project(check_pin=False)
@@ -200,7 +211,7 @@ class Reader:
         if trace is not None and case is not None and (bundle := self._bundle(case, trace, notes)) is not None:
             story = tell(trace, case, bundle)
             if self.plays:
-                playback_id = self._played(trace, case, bundle, story, parent)
+                playback_id = self._played(outcome, trace, case, bundle, story, parent)
                 small_picture = thumbnail(trace, bundle, story.opponent)
         risk = case.clip.risk if case is not None and case.clip is not None else None
         small, large, note = _changes(outcome, case)
@@ -221,11 +232,18 @@ class Reader:
             grounds=tuple(_grounds(story)) if story else (),
         )
 
-    def _played(self, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None) -> str:
+    def _played(
+        self, outcome: Outcome, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None
+    ) -> str:
         """Store the playback of a run, and return its id."""
         name = f"run-{len(self.playbacks)}"
         played = playback(trace, bundle, _marks(trace, case, story.opponent), parent)
         played["roads"] = self.roads.add(bundle.network, trace.states[:, 0, [X, Y]])
+        for driver, file in outcome.beside:
+            with suppress(OSError, ValueError):
+                played["others"].append({"driver": driver, "way": ego_way(Trace.load(file), trace.frames)})
+        if self.reasons and may_start(outcome.driver):
+            played["reasons"] = _reasons(ShownRun(outcome.address, case, trace, outcome.driver, outcome.seed))
         played["moments"] = [[round(m.time_s, 3), m.text] for m in story.moments]
         self.playbacks[name] = played
         return name
@@ -276,6 +294,17 @@ class Reader:
             return None
         trace = self._load(outcome.parent_trace, missing)
         return Parent(trace, case.clip.start_s) if trace is not None else None
+
+
+def _reasons(run: ShownRun) -> list[list[Any]]:
+    """Return the driver's own reasons, [time, [text, ...]] wherever they change; none if it drives otherwise now."""
+    steps, same = recorded_steps(run, every_s=REASONS_EVERY_S)
+    reasons: list[list[Any]] = []
+    for step in steps if same else ():
+        texts = list(reason_texts(step, run.trace))
+        if texts != (reasons[-1][1] if reasons else []):
+            reasons.append([round(step.time_s, 2), texts])
+    return reasons
 
 
 def _grounds(story: Story) -> Iterator[str]:

@@ -70,7 +70,7 @@ def write_view(
         preventability=Preventability(verdict=careful.value, why=_RECORDED) if careful else None,
         anticipation=Anticipation(answer=ahead.value, why=_RECORDED) if ahead else None,
     )
-    reader = Reader()
+    reader = Reader(reasons=not address.endswith(".npz"))  # viewing a trace starts no driver
     parent = None
     if case.clip is not None and not may_start(driver):
         say(without_parent(driver))

@@ -122,6 +122,12 @@ def step_lines(step: ShownStep, trace: Trace, opponent: str, width: int) -> Iter
         yield _line("signals", colours, width)
 
 
+def reason_texts(step: ShownStep, trace: Trace) -> tuple[str, ...]:
+    """Return the driver's reasons at a step in words, none if it does not state any; `trace`: for actors' names."""
+    names = _names(step, trace)
+    return tuple(_reason(reason, names) for reason in step.reasons)
+
+
 def _line(label: str, text: str, width: int, *, style: str = "") -> Text:
     words = shortened(text, max(width - _LABEL - 2, 20)) if width else safe(text)
     return Text.assemble((f"  {label:<{_LABEL}}", "dim"), (words, style))
