@@ -15,13 +15,14 @@ from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straig
 
 NO_BUNDLE: Any = SimpleNamespace()
 """An actor that stands needs no map: the conflict can be foreseen from the beginning."""
-END_S = 5.0
-VAN = straight("van", 50.0 + 5.0, 0.0, EAST, 0.0, seconds=8.0)
+END_S, Y_M = 5.0, 20.0
+"""Time of the contact, and place of the straight road."""
+VAN = straight("van", 50.0 + 5.0, Y_M, EAST, 0.0, seconds=8.0)
 
 
 def slowing(begin_s: float, decel_mps2: float, *, seconds: float, least_mps: float = 0.0) -> Track:
     """A car from x = 0 at 10 m/s that brakes from a time on, down to a speed."""
-    track = straight("car", 0.0, 0.0, EAST, 10.0, seconds=seconds)
+    track = straight("car", 0.0, Y_M, EAST, 10.0, seconds=seconds)
     time_s = np.arange(len(track.states)) * STEP_S
     speed = np.clip(10.0 - decel_mps2 * np.maximum(time_s - begin_s, 0.0), least_mps, None)
     track.states[:, SPEED] = speed
@@ -48,7 +49,7 @@ def against(ego: Track, failed: Trace = FAILED) -> Comparison:
 def beside(aside_m: float, from_s: float) -> Track:
     """A car that is aside, m to the left, from a time on."""
     track = slowing(9.0, 1.0, seconds=7.0)
-    track.states[round(from_s / STEP_S) :, Y] = aside_m
+    track.states[round(from_s / STEP_S) :, Y] += aside_m
     return track
 
 
@@ -80,19 +81,19 @@ def test_evading_is_a_change_of_the_lateral_place(aside_m: float, from_s: float,
 
 def test_who_ends_in_the_same_line_has_not_evaded() -> None:
     track = slowing(9.0, 1.0, seconds=7.0)
-    track.states[: round(1.0 / STEP_S), Y] = 1.5
+    track.states[: round(1.0 / STEP_S), Y] += 1.5
     assert against(track).how == ()
 
 
 def test_who_takes_another_way_is_not_compared() -> None:
-    other = straight("car", 0.0, 0.0, NORTH, 10.0, seconds=8.0)
+    other = straight("car", 0.0, Y_M, NORTH, 10.0, seconds=8.0)
     assert against(other) == Comparison(apart="it takes another way")
-    six_m_aside = straight("car", 0.0, 5.9, EAST, 10.0, seconds=8.0)
+    six_m_aside = straight("car", 0.0, Y_M + 5.9, EAST, 10.0, seconds=8.0)
     assert against(six_m_aside).apart == ""
 
 
 def test_waiting_counts_as_a_reaction() -> None:
-    waits = straight("car", 0.0, 0.0, EAST, 10.0, seconds=12.0, start_s=6.0)
+    waits = straight("car", 0.0, Y_M, EAST, 10.0, seconds=12.0, start_s=6.0)
     failed = trace_of(slowing(9.0, 1.0, seconds=END_S), hits=True)
     van = replace(VAN, states=np.repeat(VAN.states[:1], len(waits.states), axis=0))
     passed = make_trace({"ego": waits, "van": van})
@@ -114,6 +115,14 @@ def test_of_two_who_brake_the_earlier_then_the_harder_counts(
     failed = trace_of(slowing(3.0, 2.0, seconds=END_S, least_mps=6.0), hits=True)
     passed = trace_of(slowing(begin_s, decel_mps2, seconds=6.0))
     assert compared(failed, passed, NO_BUNDLE).how[:1] == how
+
+
+def test_braking_long_after_the_failure_is_no_reaction_to_it() -> None:
+    failed = trace_of(slowing(3.0, 2.0, seconds=END_S, least_mps=6.0), hits=True)
+    ego = slowing(3.0, 2.0, seconds=12.0, least_mps=6.0)
+    ego.states[round(8.5 / STEP_S) :, ACCELERATION] = -6.0  # 3.5 s after the failure
+    van = replace(VAN, states=np.repeat(VAN.states[:1], len(ego.states), axis=0))
+    assert compared(failed, make_trace({"ego": ego, "van": van}), NO_BUNDLE).how == ()
 
 
 def test_without_another_actor_every_passing_driver_avoids_it() -> None:
