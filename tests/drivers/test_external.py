@@ -317,7 +317,7 @@ BREAKS = {
     "two lines": ("ready(); hear(); say(GO + chr(10) + GO)", "one message with more than one line"),
     "speaks unasked": ("ready(); say(GO); hear(); say(GO); hear()", "no message was waiting|more than one line"),
     "a long line": ("ready(); hear(); say('x' * 100_000); time.sleep(60)", f"more than {LONGEST_LINE} bytes"),
-    "floods": ("ready()\nwhile True: sys.stdout.write('x' * 8000)", "without a message|bytes|more than one line"),
+    "floods": ("ready()\nwhile True: sys.stdout.write('x' * 8000)", "no message was waiting|bytes|more than one line"),
     "floods lines": ("ready(); hear()\nwhile True: say(GO)", "more than one line|no message was waiting"),
     "floods stderr": (
         "ready(); hear()\nwhile True: sys.stderr.write('x' * 8000)",
