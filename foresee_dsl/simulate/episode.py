@@ -56,7 +56,7 @@ class Episode:
         """
         ensure()
         caller = _Caller(name, version)
-        watch = DriverWatch(None, bundle.scene.end_s)  # nothing of a caller can hang a run
+        watch = DriverWatch(None, bundle.scene.end_s)  # an episode has no driver that could hang
         self._run = Run(bundle, caller, seed, dict(meta or {}), sensors, watch, rules)
         self.result: RunResult | None = None
         self._run.reset()
@@ -110,5 +110,7 @@ class _Caller:
         self.mission, self.vehicle = mission, vehicle
 
     def step(self, observation: Observation) -> Control:  # noqa: ARG002
-        """Refuse: the caller moves the ego."""
-        raise SimulationError("the caller of an episode moves the ego")
+        """Raise an error: the caller moves the ego, so this driver has no control to return."""
+        raise SimulationError(
+            "the ego of an episode is moved by the episode's caller, so it has no driver to ask for a control"
+        )

@@ -14,8 +14,9 @@ from foresee_dsl.simulate.sensing.perception import Sensing
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 LEAST_FADE = 0.05
-"""Least share of the motor's acceleration with which a planned acceleration is divided to get the throttle. Near the
-top speed the motor's share approaches 0, and the throttle would be infinite. Ours."""
+"""Lowest value of the share of the motor's acceleration that is left at a speed. The throttle for a planned
+acceleration is computed by dividing by this share; near the top speed it approaches 0, and the throttle would be
+infinite. Ours."""
 
 
 class GroundTruth:
@@ -87,7 +88,7 @@ class GroundTruth:
 
 
 def control_for(plan: PlannedMotion, limits: VehicleLimits, speed_mps: float) -> Control:
-    """Return the control with which a vehicle that reacts at once takes the planned acceleration and wheel angle."""
+    """Return the control that gives a vehicle that reacts at once the planned acceleration and wheel angle."""
     fade = max(1.0 - speed_mps / limits.max_speed_mps, LEAST_FADE)
     wanted = plan.acceleration_mps2
     throttle = max(wanted, 0.0) / max(limits.acceleration_mps2 * fade, 1e-6)

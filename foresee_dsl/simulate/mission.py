@@ -38,8 +38,8 @@ _GO, _GO_FIRST = "gGoO", "G"
 def mission_of(bundle: SumoBundle) -> Mission:
     """Return the ego's mission; raises `SimulationError` if the ego has no route.
 
-    Its centreline goes on for 80 m after the goal, or to the end of the network; where the route ends before, straight
-    on.
+    The mission's centreline continues for 80 m beyond the goal, or to the end of the network; where the route ends
+    earlier, the line goes straight on.
     """
     ego = bundle.scene.ego
     line = ego.line

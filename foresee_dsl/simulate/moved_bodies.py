@@ -81,8 +81,8 @@ class MovedBodies:
 
         SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order of arrival, and a
         follower does not see vehicles in front of its wrong leader (measured: a truck drove through a parked car that
-        the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is in order of position without this.
-        Bodies must be placed again before the next step.
+        the ego had passed). This function can be deleted once SUMO's `lane.getLastStepVehicleIDs` is in order of
+        position without it. Bodies must be placed again before the next step.
         """
         vehicle = self._sumo.vehicle
         try:

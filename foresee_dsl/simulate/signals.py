@@ -74,7 +74,9 @@ class Signals:
         return stage, self.now_s - since_s
 
     def stage_span(self, tls: str) -> tuple[int, float, float]:
-        """Return the current stage of a signal, when it began and when the phase ends, s since the run began."""
+        """Return the current stage of a signal (index), the time at which the stage began, and the time at which the
+        current phase ends, which may be only a part of the stage; both times in s since the run began.
+        """
         span = self._spans.get(tls)
         if span is None or self.now_s >= span[2]:
             phase = self._signals[tls].phases[self._lights.getPhase(tls)]

@@ -72,8 +72,8 @@ class EmptyState:
         SUMO 1.28 stores for each edge when vehicles last considered changing lanes on it, and skips the edge if that
         was at the current time. Loading a state does not clear this. If all runs began at 0, a vehicle that reached an
         edge at the very time at which an earlier run had ended there would not change lanes in that step (measured: 2
-        of 1,212 children depended on earlier runs of the process). The fault is gone when `MSEdgeControl` clears these
-        times on loading a state.
+        of 1,212 children depended on earlier runs of the process). Times can begin at 0 again once SUMO's
+        `MSEdgeControl` clears these times when it loads a state.
 
         Args:
             models: vehicle types of the run. The other types are left out, which halves the 2 ms of loading.

@@ -26,12 +26,12 @@ m/s^2 on a dry road, just under the 5.5 m/s^2 from which netconvert computes the
 remaining 40 % is a reserve for corners in a map's lines and for braking within a bend."""
 
 PLANNED_SHARE = 0.8
-"""Share of its comfortable braking with which a vehicle slows down before a bend. Ours: the rest makes up for the delay
-with which brakes respond."""
+"""A vehicle slows down before a bend with this share of its comfortable braking. Ours: the rest makes up for the delay
+of the brakes."""
 
 _SLOWEST_MPS = 1.0
-"""Lowest speed limit of a bend, m/s. Where a line folds back on itself, its curvature is not that of a bend that a
-vehicle could drive; without this floor the vehicle would stop there."""
+"""Lowest speed limit of a bend, m/s. Where a line folds back on itself, no vehicle could drive its curvature; without
+this lowest limit the vehicle would stop there."""
 
 
 AHEAD_M = 60.0
@@ -47,7 +47,8 @@ class BendSpeeds:
 
     Args:
         marks: [N] m along the line. heading: [N] rad, continuous.
-        axle_m: distance of the rear axle behind the point that follows the line, m; a shorter bend counts as this long.
+        axle_m: distance of the rear axle behind the point that follows the line, m; a bend that is shorter than this
+            counts as this long.
         lateral_mps2: largest lateral acceleration of the vehicle, m/s^2, of which it uses the share `TURNS_WITH`.
         braking_mps2: comfortable braking of the vehicle, m/s^2.
 
@@ -78,7 +79,8 @@ class BendStretch(NamedTuple):
     """The part of `LaneBends.points` that holds the bends of one lane and of the lanes that follow it.
 
     Attributes:
-        begin, end: indices of the first point and after the last one. slowest_mps: the lowest of their speeds.
+        begin: index of the first point. end: index after the last point. slowest_mps: lowest speed of these points,
+            m/s.
     """
 
     begin: int
@@ -95,7 +97,8 @@ class _StretchCache:
     network.
 
     Attributes:
-        stretches: by lane, model, next edges and friction. points: the `SpeedPoint`s of all stretches.
+        stretches: the stretches; the key is the lane, the model, the next edges and the friction. points: the
+            `SpeedPoint`s of all stretches.
     """
 
     def __init__(self) -> None:
@@ -117,8 +120,8 @@ cases of one town have 350,000."""
 class LaneBends:
     """The speeds at which the vehicles that SUMO drives can take the bends of their lane and of the next ones.
 
-    The speeds do not depend on earlier positions, so that a run rebuilt from a description continues in the same way: a
-    bend that the vehicle has just driven through is not counted.
+    A bend that the vehicle has just driven through is not counted. The speeds thus do not depend on earlier positions,
+    and a run rebuilt from a description continues in the same way.
     """
 
     def __init__(self, network: RoadNetwork, friction: float) -> None:

@@ -30,7 +30,7 @@ class OpenDoor(StaticActor):
         self.positions = ()
 
     def belongs_to(self, actors: Mapping[str, SimulatedActor]) -> None:
-        """Find the actor whose door it is, and set `owner` to it."""
+        """Find the actor to which this door belongs, and set `owner` to that actor."""
         self.owner = actors[self._of.actor]
 
     def swing(self, *, opens: bool) -> None:

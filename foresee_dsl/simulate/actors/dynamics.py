@@ -76,8 +76,9 @@ def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
 
 
 def lateral_limit_mps2(model: str, friction: float) -> float:
-    """Return the largest lateral acceleration of a model (`class.variant`): that of its tyres at this friction, or less
-    if it would tip over."""
+    """Return the largest lateral acceleration of a model (`class.variant`): what its tyres hold at this friction, or
+    less if the vehicle would tip over before they slide.
+    """
     return min(friction, TIPS_AT_G.get(model.partition(".")[0], inf)) * GRAVITY_MPS2
 
 
@@ -90,7 +91,7 @@ class Bicycle:
     Args:
         limits: the limits of the vehicle model.
 
-    Raises: ValueError: a limit is zero or negative that must be positive.
+    Raises: ValueError: a limit that must be positive is zero or negative.
     """
 
     def __init__(self, limits: VehicleLimits) -> None:
@@ -142,7 +143,9 @@ class Bicycle:
         step(state, self._limits, control.steer, control.throttle, control.brake, dt)
 
     def steer_for(self, curvature: float) -> float:
-        """Return the front wheel angle (rad), within its limit, with which the rear axle follows a curvature (1/m)."""
+        """Return the front wheel angle (rad) that moves the rear axle along a curvature (1/m), limited to the largest
+        angle.
+        """
         limit = self.limits.steer_max_rad
         return max(-limit, min(limit, atan(self.limits.wheelbase_m * curvature)))
 

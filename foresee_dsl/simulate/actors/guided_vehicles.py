@@ -1,5 +1,5 @@
 """Vehicles that follow a path for a part of the run and are driven by SUMO before and after it, and the changes between
-the two.
+path and SUMO.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 GOES_ON_M = 20.0
-"""Length along the lanes, beyond the end of its path, that is added to the path of a vehicle that joins them, m. Ours:
+"""If a vehicle joins the lanes at the end of its path, the path is extended along the lanes by this length, m. Ours:
 longer than one step at any speed plus the length of a lorry, whose heading is computed over its length."""
 _EVERY_M = 2.0
 THERE_M = 0.1

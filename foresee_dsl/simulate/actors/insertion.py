@@ -18,16 +18,16 @@ from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
 
 GAINS_SHARE = 0.9
-"""A vehicle inside a junction that accelerates with less than this share of its maximum, below the speed that it may
-drive, is treated as yielding or following. Ours: a vehicle of SUMO with nothing in its way accelerates with exactly its
+"""A vehicle inside a junction that drives slower than it may, and accelerates with less than this share of its maximum,
+is treated as yielding or following. Ours: a vehicle of SUMO with nothing in its way accelerates with exactly its
 maximum."""
 MAY_DRIVE_MPS = 0.3
-"""A vehicle that is at most this much slower than it may drive counts as driving at that speed. Ours: two steps of
+"""A vehicle counts as driving as fast as it may if it is at most this much slower, m/s. Ours: two steps of
 acceleration."""
 HELD_MPS = 0.6
 """Least speed of a moving vehicle that is held in place while others are inserted. Per step SUMO 1.28 takes 0.45 m/s
 (its emergency braking) off a held vehicle's speed, and one that reaches 0 counts as having stopped at a stop sign.
-Ours: enough that none does."""
+Ours: enough that no held vehicle reaches 0."""
 REGISTRATION_STEPS = 1
 """Steps for which all vehicles are held after the last insertion. Ours: SUMO 1.28 registers a vehicle that approaches a
 junction one step later."""

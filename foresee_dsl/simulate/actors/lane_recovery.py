@@ -1,7 +1,7 @@
 """Drives a vehicle from the beginning of its steering perturbation: first with the offset for its duration, then back
 to the lane.
 
-Until then SUMO drives the vehicle. A clip restores such a vehicle from its `BicycleState` and the time.
+Before the perturbation, SUMO drives the vehicle. A clip restores such a vehicle from its `BicycleState` and the time.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.target_selection import STRAYS_M, Target, TargetSelection
 
 STOP_LINE_M = 0.5
-"""Distance of the front before a stop line at which it halts, and beyond the line from which the line is passed, m.
-Ours: SUMO's cars halt within 1 m of the line."""
+"""The vehicle halts with its front this far before a stop line, and has passed the line when its front is this far
+beyond it, m. Ours: SUMO's cars halt within 1 m of the line."""
 
 SLOWING_S = 0.4
 """Time constant with which speed above a limit is reduced, s. Limits are looked up this time ahead, which makes up for
@@ -38,9 +38,8 @@ class RecoverySettings:
     Attributes:
         lookahead_s, lookahead_min_m: look-ahead of pure pursuit, and its least length. Measured with a car and a bus
             14 m off their lane at 14 to 30 m/s: 0.5 s overshoots the lane by 5 m, 0.9 s by 1 m, 1.2 s by 0.5 m; from
-            0.7 s to 1.2 s all are back within 8 s. A longer look-ahead cuts corners. The least length avoids
-            oscillation at
-            walking speed.
+            0.7 s to 1.2 s all are back in their lane within 8 s. A longer look-ahead cuts corners. The least length
+            avoids oscillation at walking speed.
         recovery_mps2: lateral acceleration on the way back to the lane: 0.4 g, less than half of what dry tyres hold.
         headway_s, standstill_m: of the car-following model; SUMO's tau and minGap, so that the actor keeps the same
             gaps as before.
@@ -56,9 +55,10 @@ class RecoverySettings:
 class LaneRecovery:
     """Drives an actor that SUMO drove before: it steers with an offset for a while, then returns to its lane.
 
-    Laterally: while the offset acts, the wheel angle is that of the lane's bend plus the offset, and the error is not
-    corrected; afterwards pure pursuit (Coulter, CMU-RI-TR-92-01). Longitudinally: the Intelligent Driver Model (Treiber
-    et al., 2000) toward the cruising speed within the limits, and behind the nearest body in the way.
+    Steering: while the offset acts, the wheel angle is that of the lane's bend plus the offset, and the lateral error
+    is not corrected; afterwards the actor steers by pure pursuit (Coulter, CMU-RI-TR-92-01). Speed: the actor follows
+    the Intelligent Driver Model (Treiber et al., 2000), towards its cruising speed within the speed limits, and behind
+    the nearest body in its way.
 
     Args: limits: the limits of the actor's vehicle.
         line: the centreline of its route.

@@ -60,8 +60,9 @@ class EgoVehicle(SimulatedActor):
         self._state = row.view(dtype_of(VehicleState))
 
     def follow_at_once(self, control: Control) -> None:
-        """Let the next step take a control's acceleration and wheel angle without lag or steering rate (ideal
-        control); the tyres still limit both."""
+        """Give the ego a control's acceleration and wheel angle in the next step at once, without the lag of the
+        drivetrain and of the steering (ideal control); the tyres still limit both.
+        """
         limits, state = self.limits, self._state[0]
         fade = max(0.0, 1.0 - state["speed"] / limits.max_speed_mps)
         motor = control.throttle * limits.acceleration_mps2 * fade
@@ -85,7 +86,7 @@ class EgoVehicle(SimulatedActor):
 
 
 def recorded_states(start: BicycleState, recorded: Sequence[RecordedState], motion: Bicycle) -> Iterator[BicycleState]:
-    """Yield the ego's state at each frame after the first, `start`, up to the last recorded one.
+    """Yield the ego's states at the frames after the first, up to the last recorded one; `start` is that of the first.
 
     Between two recorded states the rear axle, the point that moves along the heading, follows the cubic curve that has
     these positions, speeds and headings at its ends. A state less than one step after the previous one is skipped.
@@ -151,8 +152,8 @@ class LanePosition(NamedTuple):
 class StandIn:
     """Vehicles of SUMO that stand in for a body that SUMO does not drive, so that SUMO's cars brake for it.
 
-    Each lane has its own stand-in. SUMO 1.28 remembers when and how a vehicle that changes lane on a junction arrived,
-    and right of way depends on that; for a new stand-in it stores nothing that a scene does not contain.
+    Each lane has its own stand-in. If one stand-in changed lane on a junction, SUMO 1.28 would remember when and how it
+    had arrived, and right of way would depend on that; for a new stand-in SUMO stores only what a scene contains.
     """
 
     def __init__(self, world: World, name: str, edge: str) -> None:

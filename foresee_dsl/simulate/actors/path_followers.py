@@ -40,10 +40,11 @@ class PathFollower:
     Raises:
         ValueError: the path has no length, or a rate is not positive.
 
-    A `stop_m` behind it, or too near to brake for, has no effect.
+    A `stop_m` that lies behind the follower, or so near that the follower cannot brake for it, has no effect.
 
     Attributes:
-        path: the polyline. line: the polyline with lengths. vertices, bends: its points and speed limits, for kernels.
+        path: the polyline. line: the polyline with lengths. vertices: its points, as records for kernels. bends: the
+            speed limits of its bends, also as records.
         record: its state and parameters, an array of one `kernels.path_following.Follower`.
     """
 
@@ -100,7 +101,7 @@ class PathFollower:
         The record must already hold the state; the array may be a view of a larger one.
         """
         self.record = record
-        # A view on the numbers, read in a tenth of the time that a record's field takes.
+        # A view of the record's numbers: reading from it takes a tenth of the time of reading a record's field.
         self._numbers = record.view(np.float64)
 
     @property

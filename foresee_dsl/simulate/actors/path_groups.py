@@ -89,9 +89,8 @@ class PathGroup:
     """The actors of a run that follow paths; an actor that leaves the world leaves the group.
 
     Args:
-        actors: the followers; each must have joined the state table. rows: the numbers of their rows in the table.
-            table: the state table of all
-            actors. network: the roads.
+        actors: the followers; each must have joined the state table. rows: the numbers of their rows in that table.
+            table: the state table of all actors of the run. network: the roads.
     """
 
     def __init__(

@@ -93,8 +93,9 @@ class SlipperyGround:
 class RoadLimits:
     """The lanes whose speed limit a trigger has changed, and the speeds of vehicles on them.
 
-    A vehicle's speed on such a lane depends only on its cruising speed and on both limits, so that a clip needs nothing
-    else: a vehicle that drove at the old limit or faster drives at the new one; a slower one only where that is lower.
+    A vehicle whose cruising speed is at least the old limit drives at the new limit; a slower vehicle does so only
+    where the new limit is lower than its cruising speed. A vehicle's speed on such a lane thus depends only on its
+    cruising speed and on both limits, and a clip needs nothing else.
     """
 
     def __init__(self, network: RoadNetwork, world: World) -> None:

@@ -37,7 +37,7 @@ class SimulatedActor:
         self.length = actor.model.length_m
         self.width = actor.model.width_m
         x, y = actor.x, actor.y
-        # The scene states the place of the front bumper, the state that of the centre.
+        # The scene gives the position of the front bumper; the state holds the position of the centre.
         if actor.control in ("ego", "sumo"):
             x, y = centre_of_front(x, y, actor.heading_rad, self.length)
         self._row = np.array(

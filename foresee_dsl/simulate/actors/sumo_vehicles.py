@@ -1,9 +1,9 @@
 """The vehicles that SUMO drives: computes their footprints from the positions of their front bumpers in SUMO.
 
 SUMO derives a vehicle's heading from the lanes behind it, which a scene does not contain, and moves a vehicle sideways
-in one step when it changes lane. Here the front follows SUMO's position, the rear axle follows the front as that of a
-kinematic bicycle, and a lateral jump is driven at a limited rate. All of it depends only on the last pose, so that a
-run rebuilt from a description continues exactly as its parent did.
+in one step when it changes lane. Here the front follows SUMO's position, the rear axle follows the front as in a
+kinematic bicycle, and the vehicle moves sideways at a limited rate where SUMO's position jumps. All of it depends only
+on the last pose, so that a run rebuilt from a description continues exactly as its parent did.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 ROUNDING_M = 1e-2
-"""Largest offset from its lane that a vehicle may owe to rounding in a file, m; such an offset is corrected at once."""
+"""An offset of a vehicle from its lane up to this, m, comes from rounding in a file and is corrected at once."""
 
 
 class _PlaceInSumo(NamedTuple):
@@ -129,10 +129,11 @@ class SumoVehicle(SimulatedActor):
     def in_sumo(self) -> PlacedActor:
         """Return the actor as SUMO must insert it one step before the first frame: in the middle of its lane.
 
-        SUMO would keep an offset from the middle for the vehicle's whole life, and would choose the nearest lane, which
-        at the beginning of a lane change is the other one. At the very beginning of a lane the vehicle does not roll
-        and gets its position at the first frame. Where SUMO decides about the lateral position, the vehicle is inserted
-        at its own, and does not roll: SUMO would move it sideways in that step.
+        SUMO would keep an offset from the middle until the vehicle leaves, and would choose the nearest lane; at the
+        beginning of a lane change that is the lane which the vehicle leaves, not the one to which it changes. At the
+        very beginning of a lane the vehicle does not roll and gets its position at the first frame. Where SUMO decides
+        about the lateral position, the vehicle is inserted at the lateral position that the scene states, and does not
+        roll, because SUMO would move it sideways in that step.
         """
         if not self.lane:
             return self.placed
@@ -180,9 +181,10 @@ class SumoVehicle(SimulatedActor):
         return _PlaceInSumo(x, y, heading, lane.id, route, rolls)
 
     def _with_edge_before(self, lane: Lane, route: tuple[str, ...]) -> tuple[str, ...]:
-        """Return a route that begins with the edge from which a vehicle came whose rear is still inside the junction.
+        """Return a route, with the edge before the junction put first if the vehicle's rear may still be inside it.
 
-        Otherwise SUMO guesses the straightest approach, and followers there brake for a vehicle that is elsewhere.
+        Without that edge SUMO guesses that the vehicle came along the straightest approach, and the followers on that
+        approach brake for a vehicle that is not there.
         """
         length, heading = self.length, self.heading
         rear = self.placed.x - length * math.cos(heading), self.placed.y - length * math.sin(heading)
@@ -322,7 +324,8 @@ class SumoTraffic:
     def slow_for_bends(self) -> None:
         """Tell SUMO, for the next step, the speed at which each vehicle can take the bends ahead.
 
-        By itself SUMO 1.28 slows down only for bends inside junctions, and no vehicle of it can tip over.
+        SUMO 1.28 itself slows vehicles down only for bends inside junctions, and does not consider that they may tip
+        over.
         """
         changed = self._update_limits()
         with Part.WORLD:
@@ -332,7 +335,7 @@ class SumoTraffic:
     def may_drive_mps(self) -> dict[str, float]:
         """Return the speed that bends allow each vehicle in the next step, m/s; infinite without a bend."""
         self._update_limits()
-        self._ordered[:] = np.nan  # limits that SUMO has not got yet
+        self._ordered[:] = np.nan  # NaN: SUMO has not received these limits yet
         return {vehicle.id: float(vehicle.record["limit"]) for vehicle in self._vehicles}
 
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:

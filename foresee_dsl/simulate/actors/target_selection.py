@@ -23,19 +23,19 @@ STRAYS_M = 1.0
 """Distance from its lane's centre above which a vehicle searches along the arc of its wheels instead of its lane, m.
 Ours: a car in a lane of 3.3 m that is 1 m off touches the marking with one side."""
 ARC_S, ARC_STRAYING_S = 0.5, 3.0
-"""Travel time up to which a vehicle searches along the arc of its wheels, s: while it keeps its lane, and while it does
-not. Ours: in its lane only for bodies very near; out of it the time to stop from any speed in a town (25 m/s at 8
-m/s^2)."""
+"""A vehicle searches along the arc of its wheels as far as it drives in this time, s: the first value holds while it
+keeps its lane, the second while it does not. Ours: in its lane it needs to search only very near; out of its lane it
+needs the time to stop from any speed in a town (25 m/s at 8 m/s^2)."""
 CROSSING_S = 2.0
 """Time for which the paths of crossing actors are predicted, s. Ours: the time to collision at which UN R157's careful
 driver reacts (2 s; see `avoidance.r157.risk`)."""
 CROSSES_RAD = radians(30)
-"""Least difference of headings of an actor that crosses the vehicle's path, rad; with less it drives along the path or
-towards the vehicle, on lanes that bend. Ours."""
+"""An actor crosses the vehicle's path if the lines of their headings form at least this angle, rad; with a smaller
+angle it drives along the path, or towards the vehicle, on lanes that bend. Ours."""
 MOVES_MPS = 0.3
 """An actor slower than this does not count as crossing, m/s: within `CROSSING_S` it moves only 0.6 m. Ours."""
 _EVERY_S = 0.1
-"""Time between two moments at which crossing actors are predicted, s; a vehicle drives 2 m in it at 20 m/s."""
+"""Time between two moments at which crossing actors are predicted, s; at 20 m/s a vehicle drives 2 m in this time."""
 
 
 class Target(NamedTuple):

@@ -62,7 +62,7 @@ class Gap:
         return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
 
     def _missing_m(self) -> float:
-        """Return by how much the gap must grow, m; NaN if the two have no common line along which to measure it."""
+        """Return by how much the gap must grow, m; NaN if the actors have no common line along which to measure it."""
         ahead = self._simulation.progress.ahead_of(self._actor, self._other)
         gap = (-ahead if self._leads else ahead) - (self._actor.length + self._other.length) / 2
         behind = self._other if self._leads else self._actor

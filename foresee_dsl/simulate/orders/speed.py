@@ -31,12 +31,12 @@ MET_M = 6.0
 """Distance inside the junction up to which an actor with the order `meets` keeps its speed, m. Ours: most junctions of
 two-lane roads are 12 m to 20 m wide."""
 CREEPS_MPS = 1.0
-"""Lowest speed of an actor with such an order near its junction or place, m/s: an actor that halted before it would
-stay there."""
+"""Lowest speed of an actor near the junction of its order `meets`, or near the place where it is to stop, m/s: an actor
+that halted before the junction or place would stay there."""
 WAITS_MPS = 3.0
-"""Lowest speed of the other actor with which its time of arrival is computed, m/s. Ours: with 1 m/s, a waiting ego and
-an actor that times itself by the ego both creep up to the junction and wait for each other (a right turn into traffic
-took 25 s in scenario 9)."""
+"""The other actor's time of arrival is computed with at least this speed, m/s. Ours: with 1 m/s, a waiting ego and an
+actor that times itself by the ego both creep up to the junction and wait for each other (a right turn into traffic took
+25 s in scenario 9)."""
 HASTE = 1.3
 """Maximum speed of an actor with the order `meets`, as a multiple of its cruising speed (defined by the language)."""
 HALTS_M = 0.3
@@ -217,8 +217,8 @@ class StopSpot(NamedTuple):
 
 
 class Braking:
-    """An order to brake at a fixed rate for a time, which begins once the actor moves (with `acts`: at once); then it
-    drives as before.
+    """An order to brake at a fixed rate for a time, from when the actor first moves (with `acts`: at once); afterwards
+    the actor drives as before.
     """
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, brakes: Timed, *, acts: bool = False) -> None:

@@ -19,7 +19,7 @@ from foresee_dsl.simulate.triggers.trigger import IsComplete
 
 
 class StandingOrders:
-    """All orders to actors that are in force, which it carries out in each step.
+    """All orders to actors that are in force; it carries them out in each step.
 
     Attributes:
         new: ids of the actors that got a speed order since this list was last emptied.

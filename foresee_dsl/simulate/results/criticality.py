@@ -1,9 +1,10 @@
-"""Criticality of a run: the measures of `kernels.criticality`, of the ego and another actor at each frame.
+"""Criticality of a run: the measures of `kernels.criticality` for the ego and another actor, at each frame.
 
-The measures of two groups differ in what they predict. For a *contact*, both actors keep their speeds along their paths
-until the footprints touch (`footprints.Contacts`): TTC, DRAC, BTN, time to brake, to steer and to react, delta-v and
-injury risk; they have no value where no contact within `HORIZON_S` is predicted. For an actor *ahead*, only where it is
-along the ego's path counts: time headway, and the margin to the distances of responsibility-sensitive safety (RSS).
+There are two groups of measures. Those of a *contact* assume that both actors keep their speeds along their paths until
+the footprints touch (`footprints.Contacts`): TTC, DRAC, BTN, time to brake, to steer and to react, delta-v and injury
+risk; they have no value where no contact within `HORIZON_S` is predicted. Those of an actor *ahead* depend only on
+where that actor is along the ego's path: time headway, and the margin to the distances of responsibility-sensitive
+safety (RSS).
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ km/h."""
 BESIDE_M = 10.0
 """An actor at most this far behind the ego's centre, along its path, counts as beside it, m. Ours: half a bus."""
 SAME_WAY_RAD = math.radians(45)
-"""Difference of headings below which two actors drive in the same or, from pi less this, in opposite directions, rad.
-Ours: actors with a larger difference cross each other's way; RSS has separate rules for those, which need the map."""
+"""Two actors drive in the same direction if their headings differ by less than this, and in opposite directions if they
+differ by more than pi less this, rad. Ours: all other actors cross each other's way; RSS has separate rules for those,
+which need the map."""
 _EVERY_M = 1.0
 """Spacing of the points of the ego's path with which actors are first compared, m; then their place is computed
 exactly."""
@@ -164,7 +166,7 @@ def of_place(run: Footprints, actor: int, frames: IntArray) -> Evaluated:
     far = gap - formulas.rss_distance(own, speed * along)
     nears = -np.sign(left) * speed * np.sin(turned)
     wide = beside - formulas.rss_lateral_distance(np.zeros(len(own)), nears)
-    # One of both distances is enough. Where the lateral one falls short, the longitudinal one decides.
+    # A safe distance in one direction is enough. Where the lateral distance is too small, the longitudinal one decides.
     safe = np.where(wide < 0, far, np.maximum(far, wide))
     return Evaluated(
         frames,

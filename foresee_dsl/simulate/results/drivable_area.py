@@ -14,7 +14,7 @@ from foresee_dsl.kernels.boxes import WHOLE, all_whole
 
 CELL_M = 0.5
 """Side of a square, m. Ours: in a lane of 3.3 m a car's wheel is 0.6 m from the edge, so squares of this size fit
-between; a wheel passes about 200 of them in a run."""
+between wheel and edge; a wheel passes about 200 of them in a run."""
 _MOST_CELLS = 4_000_000
 """Maximum number of squares of a network; in a larger network the squares are larger. Ours: 4 MB, or a square kilometre
 of the smallest squares."""

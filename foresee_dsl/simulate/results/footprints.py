@@ -23,7 +23,7 @@ HORIZON_S = 5.0
 """Longest TTC and PET that are reported, s. Ours: conflict studies call 1.5 s to 3 s serious."""
 LOOKS_AHEAD_S = 0.1
 """Time step of the search for a contact, s; the time of the contact is then refined to a millisecond. Ours: only a
-touch of two corners is shorter, and is missed."""
+touch of two corners is shorter than a step, and the search misses it."""
 _STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)
 _HALVINGS = 7
 """Number of halvings after which the step of 0.1 s is shorter than a millisecond."""
@@ -95,7 +95,8 @@ class Contacts:
         frames: frames with a predicted contact within `HORIZON_S`. ttc_s: time until the footprints touch.
         closing_mps: speed at which the ego comes nearer along its own heading at the touch; 0 if it stands.
         turned_rad: heading of the other relative to the ego's at the touch.
-        aside_m: distance by which the ego would have to be farther to the left or right to pass, whichever is less.
+        aside_m: distance, m, by which the ego would have to drive farther to the left or to the right to pass: the
+            smaller of both.
     """
 
     frames: IntArray
@@ -134,7 +135,7 @@ def contacts_with(
     row, column = np.nonzero(near)
 
     def boxes(row: IntArray, tau: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return per row both footprints `tau` (s) after its frame."""
+        """Return both footprints of each row, `tau` (s) after the frame of that row."""
         mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, path.along[frames[row]] + speeds[1][row] * tau
         return _swept(ego, mine, run.size[0]), _swept(path, theirs, run.size[actor])
 
@@ -161,7 +162,7 @@ def contacts_with(
 
 
 def across(boxes: FloatArray, turned_rad: FloatArray) -> FloatArray:
-    """Return the extent of footprints across a direction from which they are turned by an angle, m."""
+    """Return the extent of footprints at right angles to a direction, m; they are turned by `turned_rad` from it."""
     extent: FloatArray = np.abs(np.sin(turned_rad)) * boxes[:, 3] + np.abs(np.cos(turned_rad)) * boxes[:, 4]
     return extent
 

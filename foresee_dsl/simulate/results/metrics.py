@@ -87,7 +87,7 @@ class Outline(NamedTuple):
 class Outlines:
     """The outlines of a network's junctions.
 
-    It holds no reference to the network, so that the cache frees both together.
+    It holds no reference to the network: the cache, whose key is the network, could otherwise free neither of them.
     """
 
     def __init__(self, network: RoadNetwork) -> None:

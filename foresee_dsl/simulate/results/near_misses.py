@@ -1,11 +1,12 @@
 """Measures how near a run came to a failure: the worst values of its criticality, its smallest distance, and PET.
 
-All measures are between the footprints of the ego and another actor, and those at one moment are of `criticality`. They
-are those of Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational Methods in
-Engineering, 2023); our formulas for DRAC and PET were not compared with the text.
+All measures are between the footprints of the ego and another actor; `criticality` computes those at one moment. Their
+definitions are those of Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational
+Methods in Engineering, 2023); our formulas for DRAC and PET were not compared with the text.
 
 - distance(t): between the footprints, m.
-- TTC(t): the least tau after which the footprints touch if both keep their speeds of t along their paths.
+- TTC(t): the least tau after which the footprints touch if both actors keep the speeds that they have at t along their
+  paths.
 - DRAC(t) = c / (2 TTC(t)), with c the speed at which the ego comes nearer along its own heading at that touch,
   v_ego - v_other cos(turn). For actors in line this is the usual c^2 / (2 gap), as the gap is c TTC; for crossing
   actors it is the braking with which the ego stops where they would touch. A standing ego need not brake.
@@ -115,8 +116,8 @@ def braking_needed(trace: Trace, actor: int) -> FloatArray:
 def times_between(trace: Trace, actor: int) -> FloatArray:
     """Return the time between the ego and an actor at the spot where the ego is at each frame, [T] s.
 
-    The least of them is the run's post-encroachment time. NaN where the other neither was nor will be within
-    `HORIZON_S`, or has the ego's direction there.
+    The least of these times is the run's post-encroachment time. A time is NaN where the other actor is not at the spot
+    within `HORIZON_S` before or after the ego, or drives there in the ego's direction.
 
     Args:
         trace: a run. actor: column of the other actor.
@@ -199,7 +200,7 @@ class _Pieces:
     Attributes:
         actor: [P] column of the actor.
         first, last: [P] first and last frame of the piece; all frames of a standing actor are in one piece.
-        middle: [P] a frame between them.
+        middle: [P] a frame between the first and the last.
     """
 
     actor: IntArray
@@ -214,7 +215,7 @@ def _encroachment(run: Footprints) -> NearMiss | None:
     mine, theirs = _pieces(run, [0]), _pieces(run, list(range(1, run.xy.shape[1])))
     i, j = _candidates(run, mine, theirs)
     gap = np.maximum(np.maximum(mine.first[i] - theirs.last[j], theirs.first[j] - mine.last[i]), 0)
-    best: tuple[int, int, int] | None = None  # the best so far: steps between the two, later frame, actor
+    best: tuple[int, int, int] | None = None  # the best so far: steps between both actors, later frame, other actor
     horizon = round(HORIZON_S / STEP_S)
     for k in np.argsort(gap, kind="stable").tolist():
         if gap[k] > horizon or (best is not None and gap[k] >= best[0]):
@@ -278,7 +279,9 @@ def _between(run: Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) ->
 
 
 def _moving(run: Footprints, first: int, last: int, actor: int) -> IntArray:
-    """Return the frames of a piece; of a stand only the frames of arriving and of leaving, which alone count."""
+    """Return the frames of a piece; while the actor stands, only the frames at which it arrives and leaves, because the
+    frames between do not matter.
+    """
     frames = np.arange(first, last + 1)
     stands = run.speed[frames, actor] == 0.0
     inner = stands[1:-1] & stands[:-2] & stands[2:]

@@ -58,8 +58,8 @@ class Unfired:
         index: the trigger's number in the file.
         where: place of a step in the trigger; () for the trigger itself.
         since_s: time from which it waited, s.
-        nearest: the nearest approach of each part that never held; if every part held at some time, of the parts that
-            did not hold at the moment when most did.
+        nearest: the nearest approach of each part that never held; if every part held at some time, that of each part
+            that did not hold at the moment at which most parts held.
         together: whether every part held at some time, but never all at once.
     """
 

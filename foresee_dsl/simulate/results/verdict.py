@@ -115,7 +115,7 @@ class Impact:
         struck_by: the party that moved towards the other along the contact normal: the ego, the other, both, or neither
             (they touched in passing).
         relative_mps: magnitude of the difference of the velocities.
-        closing_mps: its component along the contact normal, positive if the actors approach each other.
+        closing_mps: component of that difference along the contact normal, positive if the actors approach each other.
         ego_mps, other_mps: the speeds of both.
     """
 
@@ -215,8 +215,8 @@ class RunResult:
     trace: Trace
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
-    """The contact, also that of a run that is `invalid` at its first frame; None without a contact, such as off the
-    road."""
+    """The contact, also that of a run that is `invalid` at its first frame; None if the run ended without a contact,
+    for example because the ego left the road."""
     notes: DriverNotes = NO_NOTES
     """What the developer of the driver may want to know: the driver's output, exception, or hang."""
     infractions: tuple[Infraction, ...] = ()

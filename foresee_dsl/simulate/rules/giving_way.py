@@ -32,10 +32,10 @@ APPROACH_M = 150.0
 """A vehicle with the right of way counts up to this distance, m. Ours: 7 s at 80 km/h, longer than any passage of a
 junction."""
 WAITS_WITHIN_M = 20.0
-"""A vehicle that stands at most this far before an area that an actor blocks is kept from going on, m. Ours: the width
-of a junction, and a car's length before its stop line."""
+"""A vehicle that stands at most this far before an area that an actor blocks counts as stopped by that actor, m. Ours:
+the width of a junction, and a car's length before its stop line."""
 _GO = "gG"
-"""SUMO's letters for a green light; with the small one a stream must yield to others."""
+"""SUMO's letters for a green light; with `g` a stream must yield to others."""
 
 
 @dataclass(slots=True)

@@ -24,9 +24,8 @@ class Rule(StrEnum):
         breaks: how an actor breaks it, in words that follow the actor's name, with braces for the other actor, the
             place and the value.
         source: where it is defined.
-        fails: whether a run fails if the ego breaks it. A driver's mission does not say where stop signs are, so an ego
-            that passes
-            one is only reported.
+        fails: whether a run fails if the ego breaks the rule. A driver's mission does not say where stop signs are, so
+            an ego that passes a stop sign is only reported.
     """
 
     _value_: str
@@ -62,7 +61,7 @@ class Infraction:
         rule: the rule. actor: id of the actor that broke it. time_s: time at which the actor broke the rule, or began
             to.
         place: id of the junction, or of the road's edge. until_s: time at which it stopped breaking the rule; equal to
-            `time_s` if that has no duration.
+            `time_s` if the infraction has no duration.
         other: id of the actor to which it did not yield, or "".
         value: slowest speed at the stop line, or the largest speed above the limit, m/s; otherwise None.
     """

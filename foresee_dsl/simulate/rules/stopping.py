@@ -19,8 +19,8 @@ STOPS_WITHIN_M = 4.0
 """Distance before the stop line within which an actor has to stop, m: `PROXIMITY_THRESHOLD` of `RunningStopTest`, the
 criterion of CARLA's leaderboard 2."""
 STOP_BEFORE_M = 1.0
-"""Distance of the stop line from the lanes inside the junction, m, as in the driver's mission. A front that is not
-beyond them has not passed the line: a tolerance of this length."""
+"""Distance of the stop line from the lanes inside the junction, m, as in the driver's mission. An actor has passed the
+line only when its front has reached these lanes, so this length is also a tolerance."""
 STOPPED_MPS = 0.1
 """Speed below which an actor has stopped, m/s: `SPEED_THRESHOLD` of the same criterion."""
 ALL_WAY_STOP = "allway_stop"

@@ -179,7 +179,7 @@ class RuleWatch:
             self._inside.append(area)
 
     def _could_yield(self, area: YieldArea, contender: Contender) -> bool:
-        """Return whether the actor could still stop when a pedestrian began to be about to use the crossing."""
+        """Return whether the actor could still stop when a pedestrian came to the crossing to use it."""
         if math.isinf(contender.since_s):
             return True
         front, speed = self._fronts[max(len(self._fronts) - 1 - round(contender.since_s / STEP_S), 0)]

@@ -36,7 +36,7 @@ class Streams:
 
     Attributes:
         keys: [N, 2 C + 2] keys of the drifting errors, of the independent errors, of the chances of a miss, and of the
-            times at which these change.
+            times at which these chances change.
         scales: [2, C] standard deviations of the drifting and of the independent errors, as shares.
     """
 

@@ -33,17 +33,18 @@ class ClassRanges:
 class ObjectNoise:
     """Standard deviations of the measurements of an object. No error is larger than six standard deviations.
 
-    Ours: the mean position error of a car at 25 m is 0.21 m, as of lidar detectors with a tracker; for detectors
-    without one we expect a mean error of 0.2 m to 0.3 m in position, 0.2 m/s to 0.3 m/s in velocity, and of size of
-    15 % to 25 % of the common volume (the measures mATE, mAVE and mASE of the nuScenes benchmark).
+    Ours: the mean position error of a car at 25 m is 0.21 m, as that of lidar detectors with a tracker. For detectors
+    without a tracker we expect mean errors of 0.2 m to 0.3 m in position, of 0.2 m/s to 0.3 m/s in velocity, and of 15
+    % to 25 % of the common volume in size (the measures mATE, mAVE and mASE of the nuScenes benchmark).
 
     Attributes:
-        radial_m, radial_share: along the line of sight: a constant, and a share of the distance.
-        lateral_m, lateral_rad: across the line of sight: a constant, and an angle.
-        heading_rad: heading of vehicles. pedestrian_heading_rad: heading of pedestrians, who look alike from all sides.
-        speed_mps, speed_share, speed_most_mps: speed of a standing object; the addition as a share of its speed; the
-            maximum.
-        size_share: length and width, as a share of each.
+        radial_m, radial_share: error of the position along the line of sight: a constant, and a share of the distance.
+        lateral_m, lateral_rad: error of the position across the line of sight: a constant, and an angle.
+        heading_rad: error of a vehicle's heading. pedestrian_heading_rad: that of a pedestrian's heading, which is
+            larger, as pedestrians look alike from all sides.
+        speed_mps, speed_share, speed_most_mps: error of the speed: that of a standing object; what is added, as a share
+            of the object's speed; the largest error.
+        size_share: error of length and width, as a share of each.
         slow_share: share of the variance of position, heading and speed that drifts over `slow_s`; the rest is
             independent in each frame. A tracker smooths out the independent part only. The error of size only drifts.
         slow_s: time between two knots of the drift.
@@ -104,14 +105,15 @@ class SensorSettings:
         ranges: ranges by class. field_of_view_rad: horizontal field of view about the ego's heading.
         eye_m: height of the sensors above the ego's centre; ours: on the roof of a car.
         seen_share: least share of an object's points that must be in line of sight (corners and centre at `high_share`
-            and at `low_share` of its height). Ours: 3 of 10 points, such as the heads of people behind a car; one
-            corner of five is not enough. 0: nothing hides an object.
-        scan_s: time between two measurements, at multiples of it in the time of the run from which a clip was cut;
-            between them the driver gets the last one. Lidars turn with 10 Hz.
+            and at `low_share` of its height). Ours: 3 of 10 points, so that people behind a car are seen if their heads
+            show; one corner of five is not enough. 0: nothing hides an object.
+        scan_s: time between two measurements, s. They take place at multiples of this time, counted in the run from
+            which a clip was cut; in between, the driver gets the last measurement again. Lidars turn with 10 Hz.
         latency_s: time from a measurement to the driver, in whole frames (0.05 s). Ours: one scan.
         forgets_s: time without a sighting after which an object gets a new track.
         signal_range_m: range from the ego's centre to a signal's head; comfortable braking from 70 km/h takes 65 m, and
-            the decision a second. signal_view_rad: field of view of the forward signal camera; ours, a wide-angle one.
+            the driver needs a second to decide. signal_view_rad: field of view of the forward signal camera; ours, a
+            wide-angle one.
         weather: whether rain, fog and sun affect the sensors.
     """
 

@@ -31,7 +31,8 @@ from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, kind_of, t
 from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
 
 Note = Callable[[int, HoldingTime | None], None]
-"""Called when the condition of a `for` begins or ceases (None) to hold, with its place in the condition's `parts`."""
+"""Function that is called when the condition of a `for` begins to hold, or (with None) ceases to hold; the number is
+the place of the `for` in the watched condition's `parts`."""
 
 
 class Watch:
@@ -141,8 +142,9 @@ class _Window:
         return (before is None) != (self.run is None)
 
     def outcome(self) -> ConditionOutcome | None:
-        """Return whether the condition has held for the duration; None while the run (or the `do` step) is shorter than
-        the duration and the condition has held in it."""
+        """Return whether the condition has held for the duration; None while the run (or the `do` step) has not lasted
+        for the duration yet and the condition has held in all of it.
+        """
         missing = len(self._seen) <= self._frames
         return every(self._seen, unknown=missing)
 
@@ -172,7 +174,7 @@ class Expectations:
 
 
 class _Watched:
-    """One expectation of a run. Its margin is the distance from where its result would be the opposite.
+    """One expectation of a run. Its margin is the distance from the value at which its result would be the opposite.
 
     Attributes:
         settled: whether its result cannot change any more.

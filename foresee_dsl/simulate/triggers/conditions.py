@@ -3,11 +3,11 @@
 Their definitions are those of `language.model.conditions`. A condition that cannot be evaluated, because an actor is
 absent or does not pass the junction, has no outcome and does not hold.
 
-The margin is the robustness of signal temporal logic, restricted to one dimension: that of a comparison is the distance
-of its measure from the bound, positive if it holds. `and`, `always` and `for` take the smallest margin, `or` and
-`eventually` the largest, `not` changes the sign (Donze and Maler, "Robust Satisfaction of Temporal Logic over
-Real-Valued Signals", FORMATS 2010). Metres and seconds cannot be compared: across dimensions the margin is that of the
-first part that decides whether the condition holds.
+The margin is the robustness of signal temporal logic, restricted to one dimension: the margin of a comparison is the
+distance of its measure from the bound, positive if the comparison holds. `and`, `always` and `for` take the smallest
+margin, `or` and `eventually` the largest, `not` changes the sign (Donze and Maler, "Robust Satisfaction of Temporal
+Logic over Real-Valued Signals", FORMATS 2010). Metres and seconds cannot be compared: across dimensions the margin is
+that of the first part that decides whether the condition holds.
 """
 
 from __future__ import annotations
@@ -162,13 +162,13 @@ class Conditions:
 def every(outcomes: Iterable[ConditionOutcome | None], *, unknown: bool = False) -> ConditionOutcome | None:
     """Return the outcome of `and`.
 
-    A part that does not hold decides; otherwise the outcome is None if a part has none, or with `unknown`.
+    A part that does not hold decides. Otherwise the outcome is None if a part has no outcome, or if `unknown` is True.
     """
     return _joined(tuple(outcomes), enough=False, unknown=unknown)
 
 
 def some(outcomes: Iterable[ConditionOutcome | None]) -> ConditionOutcome | None:
-    """Return the outcome of `or`. A part that holds decides; otherwise the outcome is None if a part has none."""
+    """Return the outcome of `or`. A part that holds decides; otherwise the outcome is None if a part has no outcome."""
     return _joined(tuple(outcomes), enough=True, unknown=False)
 
 

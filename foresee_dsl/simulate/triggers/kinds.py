@@ -25,8 +25,8 @@ from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Condition
 from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
 YIELDS_WITHIN_M = 30.0
-"""Distance to a place within which an actor that lets another one pass there yields to it, m. Ours, as
-`simulate.judging.AHEAD_M`."""
+"""An actor that lets another one pass at a place yields to it only if it is at most this far from the place, m. Ours,
+as `simulate.judging.AHEAD_M`."""
 Truth = Callable[[], bool | None]
 """A function that returns whether a condition holds now; None if it cannot be evaluated."""
 

@@ -19,10 +19,10 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 class Cost(IntEnum):
     """Cost of evaluating a condition; the parts of an `and` or `or` are evaluated in this order.
 
-    Projecting a SUMO vehicle onto its line is incremental, so a condition that uses it must be evaluated in
-    `EVERY_STEP`, even when another part already decides. Of the other costs, `NUMBER` reads one number of the state
-    table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and `MARGIN` computes
-    the whole outcome.
+    Projecting a SUMO vehicle onto its line is incremental, so a condition that uses such a projection must be evaluated
+    in every step (`EVERY_STEP`), even when another part already decides. Of the other costs, `NUMBER` reads one number
+    of the state table, `PAIR` computes with two footprints, `AREA` with a footprint and an outline or a way, and
+    `MARGIN` computes the whole outcome.
     """
 
     EVERY_STEP = 0
@@ -180,8 +180,8 @@ def measured(measure: m.Measure, run: Conditions) -> Measured:
 def _looks_anywhere(actor: SimulatedActor, run: Conditions) -> bool:
     """Return whether an actor's position on its line does not depend on earlier projections.
 
-    That is so for the ego, which is projected in every frame, and for an actor on a path, which has its length along
-    it.
+    That is so for the ego, which is projected in every frame, and for an actor on a path, because the state table holds
+    its length along the path.
     """
     return actor is run.simulation.ego or isinstance(actor, PathActor)
 

@@ -67,14 +67,14 @@ class Progress:
         return s if actor.placed.model.kind == "pedestrian" else s + actor.length / 2
 
     def span(self, actor: SimulatedActor, junction: str) -> tuple[float, float] | None:
-        """Return the lengths at which an actor's line enters and leaves a junction, m; None if it does not pass it."""
+        """Return the lengths at which an actor's line enters and leaves a junction, m; None if it passes elsewhere."""
         key = (actor.id, junction)
         if key not in self._spans:
             self._spans[key] = self._find_span(actor, junction)
         return self._spans[key]
 
     def to_junction(self, actor: SimulatedActor, junction: str, frame: int) -> float:
-        """Return the distance from an actor's front to a junction, m, negative inside; NaN if it does not pass it."""
+        """Return the distance from an actor's front to a junction, m, negative inside; NaN if it passes elsewhere."""
         span = self.span(actor, junction)
         return math.nan if span is None else span[0] - self.front(actor, frame)
 
@@ -97,7 +97,9 @@ class Progress:
         self._spans = {key: span for key, span in self._spans.items() if key[0] != actor.id}
 
     def along(self, actor: SimulatedActor, x: float, y: float) -> float:
-        """Return the length of a place along an actor's line, m; NaN without a line, or if it does not pass there."""
+        """Return the length of a place along an actor's line, m; NaN if the actor has no line, or does not pass the
+        place.
+        """
         line = self._lines.get(actor.id)
         if line is None:
             return math.nan

@@ -102,7 +102,8 @@ class ActorOrders:
         keeps_mps: the speed that it keeps near the junction where it meets another actor; None before.
         lane: the last order to change lane. started_s: time at which a trigger first started it.
         stands_s: time from which it stands at the place where it was ordered to stop.
-        path: the last path that it was ordered to follow, from its position at that time. joins: the edges after it.
+        path: the last path that it was ordered to follow, from its position at that time. joins: the edges that it
+            joins at the path's end.
         sideways: the last order about its lateral position. line_m: the line that it keeps now.
     """
 

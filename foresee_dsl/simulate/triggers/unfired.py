@@ -249,7 +249,7 @@ class _RecordedSignals:
 
 
 class _NoWorld:
-    """Stands in for SUMO's world in a replay, which needs only the signals of it."""
+    """Stands in for SUMO's world in a replay, which needs only the world's signals."""
 
     def __init__(self, signals: _RecordedSignals) -> None:
         self.signals = signals

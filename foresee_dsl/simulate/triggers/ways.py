@@ -137,8 +137,7 @@ class Ways:
         """Return how far an actor's centre is inside the lane of another actor, or a lane that continues it, m;
         negative outside.
 
-        The other way round counts as well: the other's centre inside the lane of the actor. NaN if the other is off the
-        lanes.
+        The other's centre inside the actor's lane counts as well. NaN if the other is off the lanes.
         """
         theirs, mine = self.lane(other), self.lane(actor)
         if theirs is None:
@@ -178,7 +177,7 @@ class Ways:
     def _make_line(self, route: tuple[str, ...], kind: LaneKind) -> RouteLine:
         try:
             return self._network.line(route, behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
-        except RouteError:  # on the first edge no lane for this kind of actor leads on, such as for a cyclist
+        except RouteError:  # the first edge has no lane that leads on for this kind of actor, for example a cyclist
             return self._network.line(route[:1], behind_m=BEHIND_M, beyond_m=BEYOND_M, kind=kind)
 
     def _beside(self, whose: SimulatedActor, other: SimulatedActor) -> tuple[float, float, float, float]:
