@@ -19,12 +19,12 @@ VARIABLE = "FORESEE_LIMITS"
 
 
 class LimitError(ForeseeError):
-    """A limit has an unknown name, or its number is not a number above 0."""
+    """Raised for a limit with an unknown name, or with a value that is not a number above 0."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit: `default` in its unit, and `what` it is of, for messages and the documentation."""
+    """A limit: `default` is its default in `unit`; `what` says, for messages and the documentation, what is limited."""
 
     name: str
     default: float
@@ -54,13 +54,15 @@ LIMITS = MappingProxyType(
             Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing"),
             # Ours, not measured: ten times the largest file of the language, which a clip's record contains as text.
             Limit("record", 20, "MB", "unpacked size of one result in a store"),
-            # A minute with 40 actors has 3 MB of arrays; an hour with 20 actors 100 MB.
+            # The trace of a run of a minute with 40 actors has 3 MB of arrays; that of an hour with 20 actors has 100
+            # MB.
             Limit("trace", 400, "MB", "unpacked size of a trace"),
             # Two texts of 2 MB with the same 280,000 lines in another order took 26 s and 170 MB.
             Limit("difference", 1, "MB", "size of a text that git-diff compares line by line"),
             # The largest bundled scenario has 100 cases; a case takes 2 kB.
             Limit("cases", 20_000, "cases", "drawn cases of all files of one command"),
-            # The bundled town has 60; 2,000 take a second to read and 60 MB. Larger ones are maps, which are imported.
+            # The bundled town has 60 items; 2,000 items take a second to read and need 60 MB. Larger ones are maps,
+            # which are imported.
             Limit("network", 2000, "items", "junctions, roads and buildings of a network in the language"),
             # The longest condition of the bundled scenarios has four parts; a file of 2,000 takes half a second.
             Limit("conditions", 2000, "words", "`and`, `or` and `not` in one file"),

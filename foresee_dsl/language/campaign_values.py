@@ -12,7 +12,7 @@ AROUND_S = (0.5, 60)
 RISKY_POINTS = (1, 1000)
 CHILDREN = (0, 1000)
 REPEAT = (1, 100_000)
-"""Allowed numbers of repetitions. Ours: far above those of the study, whose runs were 34,416."""
+"""Allowed numbers of repetitions. Ours: far above the needs of the study, which had 34,416 runs."""
 SEED = (0, 2**31 - 1)
 
 

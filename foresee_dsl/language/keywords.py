@@ -1,7 +1,7 @@
 """Every word of the language in one table: its group, its meaning in one line, and an example.
 
-Messages, the editor's help, the highlighters and the TextMate grammar read it. The words come from the model's
-classes, and from the few below that several classes share. Units are in `language.units`.
+Messages, the editor's help, the highlighters and the TextMate grammar read it. The words come from the model's classes;
+the few words that several classes share are listed below. Units are in `language.units`.
 """
 
 from __future__ import annotations

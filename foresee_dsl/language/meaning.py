@@ -38,7 +38,8 @@ _NO_MEANING = (
     m.Cases,
     m.Require,
 )
-"""Statements of a scenario or clip that its part of the hash omits (the network and models have parts of their own)."""
+"""Statements of a scenario or clip that the hash's part for the scenario omits (the network and the models have parts
+of their own in the hash)."""
 
 ORDERED: Mapping[type[m.Item], str] = {m.Ego: "ego", m.Actor: "actors", m.Traffic: "traffic", m.When: "whens"}
 """Statements whose order among their kind matters, with their key in the hash: the order gives the actors their ids
@@ -48,8 +49,8 @@ _Json = object
 _T = TypeVar("_T")
 _CACHE_SIZE = 1000
 _CACHE: dict[int, tuple[object, _Json]] = {}
-"""The content of items by the id of the item, which is immutable: the mutants of a clip share nearly all of their
-items."""
+"""The content of each item, by `id(item)`, so that it is computed once: items are immutable, and the mutants of a clip
+share nearly all of their items."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
@@ -162,7 +163,8 @@ def _of_actor(actor: m.Ego | m.Actor) -> _Json:
 
 
 def _unlabelled(item: m.When | m.Expect) -> dict[str, _Json]:
-    """Return the content without the label, which is for people, and without `once`, the default of a trigger."""
+    """Return the content of a trigger or an expectation without its label, which is for people, and without `once`, the
+    default of a trigger."""
     fields = _fields(item)
     fields.pop("name", None)
     if fields.get("repeat") == "once":

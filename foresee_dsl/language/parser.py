@@ -48,7 +48,7 @@ _MOST_NESTED = 1000
 
 _SMALL = 10_000
 """Length below which the parts of a text are not counted, in characters: so short a text cannot exceed a limit (a part
-of a condition takes three)."""
+of a condition takes three characters)."""
 _UNCOUNTED = re.compile(r'"[^"\n]*"|#[^\n]*')
 _COUNTED = (
     ("conditions", re.compile(r"\b(?:and|or|not)\b"), "conditions of {} parts (`and`, `or`, `not`)"),
@@ -109,7 +109,7 @@ def _check_size(text: str, path: str) -> None:
     """Check that a text can be parsed in seconds.
 
     Raises:
-        InputError: it cannot; the message names the option that allows it nevertheless.
+        InputError: parsing would take longer; the message names the option that allows it nevertheless.
     """
     if len(text) < _SMALL:
         return
@@ -145,7 +145,7 @@ def load(path: Path, shown_as: str | None = None) -> Document:
     cached = disk_cache.load(place)
     if cached is not None:
         stored: tuple[Document, Iterable[tuple[object, str, _Numbers]]] = cached
-        document, spans = stored  # the places are keyed by the items' identity, which a pickle keeps only within itself
+        document, spans = stored  # places are keyed by `id(item)`, so both must come from one pickle
         return replace(document, spans={(id(item), field): Span(*numbers) for item, field, numbers in spans})
     document = parse(text, name)
     if isinstance(document.model, (Network, Catalogue)):  # many files use them, and they are seldom edited

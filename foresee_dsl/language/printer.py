@@ -32,7 +32,7 @@ def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = N
     """Return a definition as the text of its file.
 
     With `comments` (as in `Document.comments`), blank lines stand where the author put them, at most one at a place;
-    without, one blank line separates groups of statements.
+    without `comments`, one blank line separates groups of statements.
     """
     return _Writer(model, comments).file(model)
 

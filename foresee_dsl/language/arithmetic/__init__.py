@@ -1,5 +1,5 @@
-"""Expressions of the language: computes their dimensions and their values in a test case, and finds which mean the
-same."""
+"""Expressions of the language: computes their dimensions and their values in a test case, and finds expressions that
+mean the same."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Computes the parameters' values in a test case, some of them from others. Most scenarios need only this module of the
-package."""
+"""Computes the parameters' values in a test case, including those that are calculated from other parameters. Most
+scenarios need only this module of the package."""
 
 from __future__ import annotations
 

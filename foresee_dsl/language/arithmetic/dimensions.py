@@ -96,7 +96,7 @@ class Dimensions:
             case m.Extreme(values=values):
                 return self._same(value, values)
             case m.Product(left=left, op=op, right=right):
-                # The place needs a dimension of the product, and not of its parts.
+                # The place needs its dimension from the whole product, not from the product's parts.
                 needed, self._needed = self._needed, None
                 first, second = self.of(left), self.of(right)
                 self._needed = needed
@@ -124,7 +124,7 @@ class Dimensions:
             if dimension is None or first is None or dimension == first:
                 continue
             example = values[powers.index(first)]
-            if dimension == self._needed:  # then the first operand has the wrong dimension
+            if dimension == self._needed:  # the place needs this one, so the first value is wrong
                 self._unlike(whole, value, dimension, example, first)
             else:
                 self._unlike(whole, example, first, value, dimension)

@@ -21,7 +21,7 @@ from foresee_dsl.language.units import UNITS
 
 _DIGITS = 12
 """Number of significant digits of a value without an exact decimal form, such as a third (ours: fewer than a float has,
-and three more than those by which meanings are compared)."""
+and three more than are used to compare meanings)."""
 _NO_VALUES: Mapping[str, m.ParamValue] = MappingProxyType({})
 
 

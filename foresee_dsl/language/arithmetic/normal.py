@@ -1,7 +1,8 @@
-"""Computes the normal form of expressions, in which two that always have the same value are equal, such as `gap + gap`
-and `2 * gap`.
+"""Computes the normal form of expressions. Two expressions that always have the same value, such as `gap + gap` and
+`2 * gap`, have the same normal form.
 
-The form is a sum of products, with the units among the factors. `min`, `max` and a division by a sum are factors.
+The form is a sum of products, with the units among the factors. A `min`, a `max` and a division by a sum each count as
+one factor.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ _Factors = tuple[tuple[str, int], ...]
 _Terms = Mapping[_Factors, Fraction]
 _UNITS = ("1 m", "1 s", "1 deg", "1 kg")
 _MOST_TERMS = 200
-"""Maximum number of terms that are multiplied out (ours: far more than people write; forty sums in brackets would
-give 2^40)."""
+"""Maximum number of terms that are multiplied out (ours: far more than people write; a product of forty sums of two
+values would give 2^40 terms)."""
 _DIGITS = 9
 """Number of significant digits of a factor, as many as `meaning.SIGNIFICANT_DIGITS`."""
 

@@ -19,7 +19,7 @@ from foresee_dsl.language.units import UNITS, Dimension
 
 Values = Mapping[str, m.ParamValue]
 _DIGITS = Decimal("0.0001")
-"""Smallest step of a bound in a message, which rounds the bound to it (ours)."""
+"""A message rounds a bound to a multiple of this number (ours)."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class Use:
 
     @property
     def limited(self) -> bool:
-        """True if the place refuses some results, so that they must be computed."""
+        """True if the result must be computed in every case: it is calculated, or the place does not allow every
+        value."""
         form = form_of(type(self.item), self.field.partition(".")[0])
         return isinstance(self.value, m.EXPRESSIONS) or form.bounds is not None or form.dimension == "count"
 

@@ -87,7 +87,8 @@ def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
 
 
 def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
-    """Report a `line` with times on a path, and `brakes` of the ego, whose driver decides when it brakes."""
+    """Report a `line` with times for an actor on a path, and `brakes` for the ego, because its driver decides when it
+    brakes."""
     on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):

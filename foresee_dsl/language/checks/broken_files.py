@@ -41,7 +41,7 @@ contain."""
 _TAKEN = "FS049"
 _USES = 2
 _OF_THE_NETWORK = tuple([word] for word in ("road", "junction", "roundabout", "on_ramp", "off_ramp", "zebra", "bump"))
-"""First words of a network's statements, each of which is read only together with its block."""
+"""First words of those statements of a network that are not read at all if their block has an error."""
 
 
 def with_certain(

@@ -20,20 +20,22 @@ from foresee_dsl.language.streets.lines import at, number, wrapped, xy
 FROM_END_M = 15.0
 """Minimum distance of an object from the ends of its road, m (ours: the junctions of wide roads reach 12 m)."""
 APART_M = 3.0
-"""Minimum distance between two cuts of one edge, m (ours: a joint is 1 m long)."""
+"""Minimum distance between two objects on one edge, m. Each object cuts the edge into pieces (ours: the joint of two
+pieces is 1 m long)."""
 ISLAND_END_M = 30.0
-"""Minimum distance of a zebra crossing with an island from the road's ends, m: its tapers, and half its width."""
+"""Minimum distance of a zebra crossing with an island from the road's ends, m: the length of the island's tapers, and
+half the width of the crossing."""
 MOUTH_M = 8.0
 """Minimum length of the ring between the carriageways of two arms of a roundabout, m (ours: two corners of 5 m that
 meet the ring at an angle)."""
 STRAIGHT_RAD = math.radians(45)
 """Largest angle at which a way over a junction counts as straight, rad: the limit by which SUMO names directions."""
 RAMP_TURN_RAD = math.radians(100)
-"""Largest angle by which a ramp may turn between its junction and its edge, rad (ours: a larger turn needs points of
-its own)."""
+"""Largest angle by which a ramp may turn between its junction and its edge, rad (ours: for a larger turn the author
+must write the ramp's points, with `via`)."""
 
 NamedJunction = m.Junction | m.Roundabout | m.Zebra | m.Bump | m.OnRamp | m.OffRamp
-"""Statements whose name is a junction's."""
+"""Statements whose name is also the name of a junction."""
 Ramp = m.OnRamp | m.OffRamp
 
 
@@ -418,8 +420,8 @@ class Streets:
         return next((edge for edge in ways if edge is not None and edge.end == junction), None)
 
     def _exits(self, edge: Directed) -> Mapping[str, m.Turn]:
-        """Return the edges that begin where an edge ends, each with the turn that leads to it, from the directions of
-        their lines."""
+        """Return the edges that begin where an edge ends, each with the turn that leads to it, computed from the
+        directions of the edges' lines."""
         (x0, y0), (x1, y1) = edge.line[-2:]
         heading = math.atan2(y1 - y0, x1 - x0)
         turns: dict[str, m.Turn] = {}

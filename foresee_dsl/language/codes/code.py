@@ -23,7 +23,8 @@ class Code:
         explanation: one or two sentences: why it is wrong, and what to do.
         wrong, right: an example that gives the code, and its corrected form. Empty only if no user's file can cause
             the code.
-        frame: the block that holds the examples (`tests/support/code_frames.py`); `file`: they are whole files.
+        frame: the block that holds the examples (`tests/support/code_frames.py`); `file` if the examples are whole
+            files.
         severity: `error` or `warning`.
     """
 

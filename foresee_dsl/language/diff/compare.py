@@ -61,7 +61,7 @@ def _group_of_file(model: m.Item) -> Group:
 
 
 def _group(place: _Place, owner: m.Item, item: m.Item) -> Group:
-    """Return the group of a statement; inside another statement, the group of that one."""
+    """Return the group of a statement; a statement inside another one has the group of the outer statement."""
     return place.group if place.words or isinstance(owner, m.Network | m.Catalogue) else w.group_of(item)
 
 
@@ -73,7 +73,8 @@ def _apart(a: m.Item, b: m.Item) -> list[str]:
 
 
 def _no_field(item: m.Item) -> tuple[str, ...]:
-    """Return the fields of an item that are not compared as settings: those in its label, and those without meaning."""
+    """Return the fields of an item that are not compared as settings: the fields that its label shows, and the fields
+    that have no meaning."""
     if isinstance(item, m.Definition):
         return ("kind", "name")
     if isinstance(item, m.VehicleModel):
@@ -149,7 +150,7 @@ def _changed(place: _Place, a: object, b: object, was: str | None, now: str | No
 
 
 def _condition(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
-    """Compare two conditions of one class: down to the smallest part that prints alone."""
+    """Compare two conditions of one class, down to the smallest parts that can be printed on their own."""
     apart = [(name, getattr(a, name), getattr(b, name)) for name in _apart(a, b)]
     for _, before, after in apart:
         if not (is_condition(before) and is_condition(after)) and not _all_parts(is_condition, before, after):

@@ -61,8 +61,8 @@ def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
     for item in gone:
         for other in (other for other in new if type(other) is type(item)):
             old_name, new_name = name_of(item) or "", name_of(other) or ""
-            # `renamed` also renames statements of other kinds: if one of them keeps the old name, the two renames
-            # alternate forever.
+            # `renamed` also renames statements of other kinds. If one of those keeps the old name in `new`, it is
+            # renamed back, and the two renames alternate forever.
             if (
                 old_name not in used
                 and not same_value(item, other)
@@ -85,7 +85,7 @@ def _name_key(item: m.Item) -> Hashable:
         return ("signal", content_key(item.junction))
     if isinstance(item, m.Network):
         return "network"
-    held = getattr(item, "item", None)  # for `add STATEMENT`, the statement behind it counts
+    held = getattr(item, "item", None)  # for `add STATEMENT`, the added statement counts
     key = _name_key(held) if isinstance(held, m.Item) else name_of(item)
     return None if key is None or isinstance(item, NO_MEANING) else (type(item).__name__, key)
 
@@ -117,8 +117,8 @@ def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> d
 
 
 def _slot(item: m.Item) -> Hashable:
-    """Return the key that two statements without a name must share to be paired; None for statements with a name, which
-    are paired by it."""
+    """Return the key that two statements without a name must share to be paired; None for statements with a name,
+    because those are paired by their names."""
     if isinstance(item, NO_MEANING):
         return None
     if _is_open(item):

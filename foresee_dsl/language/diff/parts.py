@@ -27,7 +27,8 @@ At = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Edit:
-    """One step of an edit script. All places are those of the first model, whatever else the script does.
+    """One step of an edit script. All places refer to the first model before any edit, whatever other edits the script
+    has.
 
     Attributes:
         op: `set` a field or an element; `insert` or `remove` an element; give elements an `order`; `rename` a name
@@ -79,7 +80,7 @@ class Difference:
 
 
 def kind_of(was: str | None, now: str | None) -> Kind:
-    """Return the kind of change, by the old and the new text."""
+    """Return the kind of change, which follows from the old and the new text."""
     if was is None:
         return "added"
     return "changed" if now is not None else "removed"
@@ -144,7 +145,8 @@ def _value(value: object, edits: Sequence[Edit], at: At) -> object:
 
 
 def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple[object, ...]:
-    """Return a tuple with its elements edited, removed and reordered, and new ones inserted behind them."""
+    """Return a tuple after its edits: elements are changed, removed and reordered, and each new element is inserted
+    behind the element that it follows."""
     order = list(range(len(parts)))
     behind: dict[int, list[Edit]] = {}
     own: list[Edit] = []
@@ -170,7 +172,7 @@ def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple
 
 
 def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:
-    """Return the edits below a place by the next step of their path."""
+    """Return the edits below a place, grouped by the next step of their path."""
     groups: dict[str | int, list[Edit]] = {}
     for edit in edits:
         groups.setdefault(edit.at[len(at)], []).append(edit)

@@ -20,7 +20,8 @@ _UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
 """The unit in which each dimension is printed; speeds are in km/h, which road users read (ours)."""
 
 _SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
-"""Blocks in which only the order of `ORDERED` statements of one kind has a meaning, so that the others are sorted."""
+"""Blocks in which only the order of `ORDERED` statements of one kind has a meaning, so that all other statements are
+sorted."""
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Calculated)
 
@@ -37,7 +38,7 @@ def plain_text(model: m.Definition, *, people: bool = False) -> str:
 
 
 class TextChange(NamedTuple):
-    """A difference without a change of meaning: in a `doc`, tags, an origin, or the form of a calculation.
+    """A difference that does not change the meaning: in a `doc`, tags, an origin, or the form of a calculation.
 
     `path` is the label of the statement.
     """
@@ -48,7 +49,7 @@ class TextChange(NamedTuple):
 
 
 def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
-    """Return the differences between two definitions without a change of meaning."""
+    """Return those differences between two definitions that do not change the meaning."""
     before, after = (
         {label(item): item for item in getattr(model, "body", ()) if isinstance(item, NO_MEANING)} for model in (a, b)
     )

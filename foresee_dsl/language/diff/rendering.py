@@ -55,7 +55,8 @@ def render_markdown(
 
 
 def _unmeant(change: TextChange) -> str:
-    """Return the label of a change without meaning; for a value, with the old and the new form."""
+    """Return the label of a change that does not change the meaning; if a value is written differently, also its old
+    and new form."""
     if change.was is None or change.now is None or change.path.split()[0] in _FOR_PEOPLE:
         return change.path
     return f"{change.path} ({change.was} is {change.now})"

@@ -18,7 +18,7 @@ NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Exp
 
 _WORD = re.compile(r"[a-z_]+")
 _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
-"""Statements that a label names by one word, the first of their pattern, although further fixed words follow it in the
+"""Statements whose label has only the first word of their pattern, although further fixed words follow it in the
 text."""
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
@@ -141,8 +141,8 @@ def join(owner: str, words: str) -> str:
 
 
 def note(was: object, now: object) -> str:
-    """Return what a reviewer would compute from a change: the difference of the only number, or of the list, that
-    changed."""
+    """Return what a reviewer would compute from a change: the difference if only one number changed, or the elements
+    that were added to and removed from a long list; otherwise ""."""
     before, after = list(_leaves(was)), list(_leaves(now))
     apart = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
     if len(before) == len(after) and len(apart) == 1:
@@ -156,8 +156,8 @@ def note(was: object, now: object) -> str:
 
 
 _READ_AT_A_GLANCE = 6
-"""Largest number of elements of two lists together whose difference a reader sees without a note; longer lists get the
-note `+c, -a` (ours)."""
+"""Two lists that together have at most this many elements get no note, because a reader sees their difference at a
+glance; longer lists get a note such as `+c, -a` (ours)."""
 
 
 def _delta(was: object, now: object) -> str:

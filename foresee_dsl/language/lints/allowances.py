@@ -37,8 +37,8 @@ class _Allowance:
 
 
 _ON_THE_NETWORK = frozenset({"FS330", "FS331", "FS332"})
-"""Codes of lints that need the built network. Before it is built, a comment that allows them must not be called
-unnecessary."""
+"""Codes of lints that need the built network. Before the network is built, a comment that allows such a lint must not
+be called unnecessary."""
 
 
 def left(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
@@ -110,7 +110,7 @@ def _reach(
 
 
 def _statements(raws: Sequence[Raw], lines: Lines, *, top: bool = True) -> Iterator[tuple[int, int, bool]]:
-    """Yield the first line, the last line, and whether it is at the top level, for every statement."""
+    """For every statement, yield its first line, its last line, and whether it is at the top level."""
     for raw in raws:
         end = raw.close - 1 if raw.block is not None else raw.end
         yield lines.place(raw.start)[0], lines.place(end)[0], top

@@ -12,7 +12,8 @@ from foresee_dsl.language.printer import written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
 _WIDEST_LANE_M = 10.0
-"""Width of the widest lane that a road can have, m: an actor's offset from the middle of its lane is at most half."""
+"""Width of the widest lane that a road can have, m: an actor's offset from the middle of its lane is at most half of
+this width."""
 _SLACK = 1.02
 """Speeds up to this multiple of the model's maximum are attributed to rounding (ours; the simulation never exceeds the
 maximum)."""
@@ -20,7 +21,7 @@ maximum)."""
 
 @dataclass(frozen=True)
 class About:
-    """Facts about an actor before the run.
+    """What the lints know about an actor before the run.
 
     Attributes:
         moves: True if it has a route or a path.
@@ -39,7 +40,8 @@ class About:
 
 @dataclass(frozen=True)
 class Limits:
-    """Facts about a run: its duration in s and its actors; for requirements, also the scenario's parameters."""
+    """What the lints know about a run before it starts: its duration in s and its actors; for requirements, also the
+    scenario's parameters."""
 
     end_s: float
     actors: Mapping[str, About] = field(default_factory=dict)

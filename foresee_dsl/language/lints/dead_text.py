@@ -21,7 +21,7 @@ _ROUNDING_S = 1e-6
 
 
 def limits_of(case: TestCase, end_s: float) -> Limits:
-    """Return the facts about a test case's run."""
+    """Return what the lints know about a test case's run before it starts: its end, and facts about each actor."""
     roads = Roads(case.network) if isinstance(case.network, m.Network) else None
     return Limits(end_s, {actor.name: _about(actor, case.models, roads) for actor in case.scenario.actors})
 
@@ -57,7 +57,7 @@ def dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> I
     reason = never(when.condition, limits)
     if reason:
         yield _never_happens(when, reason)
-        return  # the steps after it are just as dead
+        return  # no run reaches the steps after it either
     yield from dead_parts(when.condition, limits)
     yield from _dead_steps(when.actions, earliest_s(when.condition), limits, others)
 
@@ -109,8 +109,8 @@ def _never_happens(item: m.When | m.Then, reason: str) -> LintFinding:
 
 
 def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
-    """Yield the lints about parts of a condition whose result is certain, although that of the whole condition is
-    not."""
+    """Yield the lints about those parts of a condition whose result is certain although the result of the whole
+    condition is not."""
     for part in parts(condition):
         if part is condition or isinstance(part, m.Not | m.Sustained):
             continue

@@ -23,7 +23,8 @@ class Roads:
             self.edges[whole] = (self.edges[whole][0] if whole in self.edges else start, end)
 
     def reached(self, edges: Iterable[str]) -> set[str]:
-        """Return the first junctions along some edges, and the further ones as long as only one way leads on."""
+        """Return the junctions that an actor on one of these edges must reach: the first along each edge, and further
+        ones as long as only one way leads on."""
         junctions: set[str] = set()
         open_ = [self._first.get(edge, edge) for edge in edges]
         seen = set(open_)

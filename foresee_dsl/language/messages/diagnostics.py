@@ -47,7 +47,7 @@ def _place(diagnostic: Diagnostic) -> str:
 
 
 def _underlined(span: Span, line: str) -> tuple[str, str, str]:
-    """Return the part of the source line to show, the blank before the marks, and the marks."""
+    """Return the part of the source line to show, the blanks that precede the marks under it, and the marks."""
     start = min(span.column - 1, len(line))
     end = span.end_column - 1 if span.end_line == span.line else len(line.rstrip())
     end = min(max(end, start + 1), max(len(line), start + 1))

@@ -76,5 +76,6 @@ def _renamed(code: str, own: Mapping[str, str]) -> str:
 
 
 def _is_used(code: str, match: re.Match[str]) -> bool:
-    """Whether a name behind its kind's word is used there, as in `ego in junction j4`."""
+    """Return whether a name that follows the word for its kind is only used there (`ego in junction j4`), not
+    declared."""
     return code[: match.start()].endswith("in ")

@@ -11,8 +11,8 @@ from foresee_dsl.helps import Edit, HelpText, Meant, meant_word, one_of, write
 from foresee_dsl.language.units import OTHER_WORDS, UNITS
 
 _LONGEST = 60
-"""Length from which words are not compared, in characters (ours: no word of the language is half as long, and the
-comparison is quadratic)."""
+"""Words with more characters than this are not compared with the known words (ours: no word of the language is half as
+long, and the time of a comparison grows with the square of the length)."""
 _MOST_LISTED = 8
 """Maximum number of names that a help lists (ours: more than a reader takes in at a glance)."""
 
@@ -40,7 +40,7 @@ def did_you_mean(word: str, words: Iterable[str]) -> HelpText:
 
 
 def of_type(type_: str, types: Mapping[str, str], instead: HelpText = "") -> HelpText:
-    """Return a help that names the parameters of a type, and with `instead` another text to write."""
+    """Return a help that names the parameters of a type, and before them the text `instead`, if it is given."""
     names = [name for name, its_type in types.items() if its_type == type_]
     which: HelpText = ": " + one_of(names) if 0 < len(names) <= _MOST_LISTED else ""
     use = "use a parameter of type " + write(type_) + which
@@ -68,8 +68,8 @@ def suggested_fix(diagnostic: Diagnostic) -> tuple[Span, str] | None:
 
 
 def meant_at(fixes: Iterable[Edit], written: str) -> tuple[int, int, str] | None:
-    """Return (start, end, new text) of the replacement inside `written`, the underlined text; None if the fixes have
-    none."""
+    """Return the replacement in `written`, the underlined text, as (start, end, new text); None if no fix replaces a
+    word."""
     meant = next((fix for fix in fixes if isinstance(fix, Meant)), None)
     if meant is None:
         return None
@@ -85,6 +85,6 @@ def meant_at(fixes: Iterable[Edit], written: str) -> tuple[int, int, str] | None
 
 
 def _plain(word: str) -> str:
-    """Return a word in small letters and without signs, which are easily mixed up: `kmh` and `KM/H` both match
+    """Return a word in small letters and without signs, because authors mix these up: `kmh` and `KM/H` both match
     `km/h`."""
     return "".join(c for c in word.lower().replace("²", "2") if c.isalnum())

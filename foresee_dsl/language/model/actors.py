@@ -88,9 +88,10 @@ class Path(Item):
 class PathAlong(Item):
     """`path along ego.route from 2 m to 96 m offset 1.9 m`: a smooth line beside a part of an actor's route.
 
-    The lengths are measured from that actor's start, as those of places are. In the other order, `from 96 m to 2 m`,
-    the line leads against the route; the offset is to the left of the route in both cases. Corners of the route's line
-    become arcs, so that an actor that follows the line slows down in its bends and not at its corners.
+    The lengths are measured from that actor's start, like the lengths in places. In the other order,
+    `from 96 m to 2 m`, the line leads against the route; the offset is to the left of the route in both cases. Corners
+    of the route's line become arcs, so that an actor that follows the line slows down in its bends and not at its
+    corners.
     """
 
     pattern = "path along {actor}.route from {begin} to {end} [offset {offset}]"
@@ -205,8 +206,9 @@ class Timing(Item):
     """`timing 0.80`: a factor on the actor's speed along its own path; it still stops where it must.
 
     It scales the speed at the beginning, the cruise speed and the target speeds of triggers. An actor with a factor
-    other than 1 no longer adapts to the other actor that it `meets`, because that would cancel the factor: the speed
-    for the meeting that is computed at the first moment, times the factor, becomes its cruise speed until the end.
+    other than 1 no longer adapts to the other actor that it `meets`, because that would cancel the factor. Instead, the
+    speed that the meeting requires is computed once, at the first moment; this speed times the factor is its cruise
+    speed until the end.
     """
 
     pattern = "timing {factor}"

@@ -100,7 +100,7 @@ class Comparison(Phrase):
     < 2 * other`."""
 
     pattern = "{left} {op} {right}"
-    in_brackets_of = (("left", ("negative",)),)  # or `within 3 s -1 m < a.offset` would be a difference
+    in_brackets_of = (("left", ("negative",)),)  # else `within 3 s -1 m < ...` reads as 3 s - 1 m
 
     left: Annotated[Measure | v.Quantity | v.Ref | v.Expression, v.OfDimension(None, (Measure,))]
     op: Literal["<", "<=", ">", ">="]
@@ -162,7 +162,7 @@ class Behind(Phrase):
 
 class SameLane(Phrase):
     """`cutter in lane of ego`: the middle of its footprint lies in the other's lane, or in a lane that continues that
-    lane along the other's route; or the same holds with the two exchanged."""
+    lane along the other's route; or the same holds with the two actors exchanged."""
 
     pattern = "{actor} in lane of {other}"
 
@@ -220,7 +220,8 @@ class RunsRed(Phrase):
 
 class YieldsAtCrossing(Phrase):
     """`ego yields to walker at crossing`, `ego yields to walker at crossing of school`: at a frame at which a
-    pedestrian has passed the actor's way on a crossing, and the actor is before it within 30 m, the condition holds.
+    pedestrian has passed the actor's way on a crossing, and the actor is at most 30 m before that crossing, the
+    condition holds.
 
     At a frame at which the actor has passed the crossing before a pedestrian with priority, it does not hold. At all
     other frames it cannot be evaluated, so `expect always` with it holds if neither happens.
@@ -293,8 +294,8 @@ class Sustained(Phrase, kind="for"):
 
     `CONDITION for 2 s since -1.30 s`: the condition has held since 1.30 s before the run, so that the `for` holds at
     0.70 s if nothing interrupts it; after an interruption it takes its full time. `since 0 s`: it did not hold just
-    before the beginning. A condition that is evaluated only later (that of a `then when`) held from that time until
-    then. Clips contain `since`.
+    before the beginning. A condition that is evaluated only later (in a `then when`) counts as true from the time after
+    `since` until its first evaluation. Clips contain `since`.
     """
 
     pattern = "{condition} for {duration} [since {since}]"

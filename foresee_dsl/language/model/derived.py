@@ -1,5 +1,5 @@
-"""Files that build on another one and state only the differences (extensions, clips, mutants), and what `change` may
-name.
+"""Files that build on another one and state only the differences (extensions, clips, mutants), and the properties that
+`change` may name.
 
 The parser, the checks, the editor and `language.changes`, which applies a change, all read `PROPERTIES` and `OWNERS`.
 """
@@ -49,8 +49,8 @@ class Property:
         statement: the class of the statement in the actor's block with this property, and its field; None if the actor
             itself has a field of the property's name.
         neutral: the value for an actor without the statement; None if such an actor has nothing to change.
-        accepts: returns whether the property takes a value, SI.
-        needs: the allowed values, for the message.
+        accepts: function that returns whether a value, in SI units, is allowed.
+        needs: the allowed values in words, for messages.
         for_ego: True if the ego's property can change too, although the driver under test drives it.
         timed: True if a change may state a start and a duration.
         words: the allowed words, first the one for an actor without the statement; empty for other values.
@@ -83,7 +83,8 @@ class Owner:
     Attributes:
         properties: the words that may follow the dot; empty if the name of a parameter or an expectation follows it.
         dimension: the dimension of the values; None if it depends on the name.
-        not_in_clips: the reason why a mutant cannot change it, to follow `a clip` in a message; "" if it can.
+        not_in_clips: the reason why a mutant cannot change it, worded so that it can follow `a clip` in a message; ""
+            if a mutant can change it.
     """
 
     properties: tuple[str, ...] = ()
@@ -150,12 +151,12 @@ class Change(Item):
 
     Properties of an actor: `model`; `steer` (-1 right to 1 left, a share of the largest steering angle, from `start` of
     the clip, for `duration`); `timing` (a factor on the speed along its own path); `speed` (at the clip's start; in a
-    scenario the cruise speed); `delay` (a time for which it stands longer); `line` (a length by which it keeps to the
+    scenario the cruise speed); `delay` (the time for which it stands longer); `line` (the distance that it keeps to the
     left of its way, on a lane from `start` for `duration`); `brakes` (a deceleration, from `start` for `duration`);
-    `ignores` (`nothing`, `signals`, `priority`); `moving` (a length, at which it begins on its path); `style` (`usual`,
-    `takes_gap`, `brakes_late`, `creeps`). The others are `weather.rain` and the like; `expect.NAME`, the number with
-    which a named expectation compares; and, in a scenario that extends another, `param.NAME`, a parameter's default,
-    and `end.after`.
+    `ignores` (`nothing`, `signals`, `priority`); `moving` (the length along its path at which it begins); `style`
+    (`usual`, `takes_gap`, `brakes_late`, `creeps`). Other properties are `weather.rain` and the like; `expect.NAME`,
+    the number that a named expectation compares with; and, in a scenario that extends another, `param.NAME`, a
+    parameter's default, and `end.after`.
     """
 
     pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
@@ -216,7 +217,7 @@ class Replace(Item):
 
 class Drop(Item):
     """`drop vehicle runner`, `drop when late`, `drop weather`, `drop cases`: removes a statement of the extended
-    scenario; `cases` are the drawn ones."""
+    scenario; `drop cases` removes the statement that draws cases."""
 
     pattern = "drop {what} [{name}]"
     words = "drop (statement): a statement of the extended scenario that this one does not have | drop vehicle runner"
@@ -231,7 +232,7 @@ ExtensionItem = Annotated[Doc | Tags | Expected | Add | Replace | Change | Drop,
 class Extension(Item):
     """`scenario wet_runner extends "runner.foresee" { ... }`: the other scenario with its cases, and these differences.
 
-    `doc`, `tags` and `expected` are its own; without own tags it has the other's.
+    The result has this file's `doc`, `tags` and `expected`; if this file has no tags, it has the other scenario's tags.
     """
 
     pattern = "scenario {name} extends {parent} { ...body }"
@@ -281,8 +282,8 @@ class Risk(Item):
 
 
 class Goal(Item, kind="clip_goal"):
-    """`goal (118.30 m, 40.10 m)`: where the ego's route ends in the clip: its waypoint nearest to the parent's ego at
-    the end of the window."""
+    """`goal (118.30 m, 40.10 m)`: where the ego's route ends in the clip. It is the waypoint of the route that is
+    nearest to the position of the parent's ego at the end of the window."""
 
     pattern = "goal {at}"
 

@@ -13,7 +13,7 @@ class Expected(Item):
     """`expected pdm fails F2 with walker`, `expected "pdm 2" passes`, `expected idm in case r02 fails`: the recorded
     result of a run with a driver.
 
-    The driver has its name on the command line, or its own name with a version if only that version is meant.
+    The driver is named as on the command line, or by its own name with a version if only that version is meant.
     """
 
     pattern = "expected {driver} [in case {case}] {outcome} [{failure}] [with {actor}]"

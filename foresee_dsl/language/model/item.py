@@ -13,8 +13,8 @@ Group = Literal["definition", "statement", "setting", "action", "condition", "li
 
 definition: the first word of a file's definition. statement: the first word of a statement. setting: a line of a
 block, or a part of one, that gives one value. action: a word of an action in a trigger. condition: a word that measures
-something, or joins conditions. link: a word inside a statement. type: of a parameter. constant: one of a fixed set of
-values (a turn, a control, a property), which is not a word of the grammar and may be a name elsewhere.
+something, or joins conditions. link: a word inside a statement. type: the type of a parameter. constant: one of a fixed
+set of values (a turn, a control, a property), which is not a word of the grammar and may be a name elsewhere.
 """
 
 SymbolKind = Literal[
@@ -32,8 +32,8 @@ SymbolKind = Literal[
     "thing",
     "word",
 ]
-"""The kind of object that a name stands for. `thing`: an actor or a junction. `word`: whatever the parameter's type
-tells. `label`: the name of a trigger or an expectation. `file`: the path of another file."""
+"""The kind of object that a name stands for. `thing`: an actor or a junction. `word`: the parameter's type determines
+the kind. `label`: the name of a trigger or an expectation. `file`: the path of another file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Item(BaseModel):
             full stop). Each word of a pattern is explained by one class, or in `language.keywords` if several classes
             share it.
         in_brackets: the kinds of condition that need brackets as a part of this one.
-        in_brackets_of: the kinds of calculation that need brackets, by field.
+        in_brackets_of: for some fields, the kinds of calculation that need brackets there.
         never_bare: names that are quoted here, because the parser would take them for the rest of the statement.
     """
 
@@ -143,7 +143,7 @@ class _OneOf:
 
 
 def dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
-    """Return an item's data, for the types that check it with a function of their own."""
+    """Return an item's data, for types of fields that have a check of their own instead of pydantic's."""
     return item.model_dump(
         mode=info.mode,
         by_alias=info.by_alias,

@@ -106,15 +106,15 @@ class Road(Item):
     end: Annotated[v.Name, Names("junction")]
     lanes: Annotated[v.Count, Bounds(1, 8)] | None = None  # ours: the widest motorway halves have eight lanes
     back: Annotated[v.Count, Bounds(0, 8)] | None = None
-    lane_width: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: from a cycle lane to a bus stop
+    lane_width: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: from a cycle lane's to a bus stop's
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
-    # Ours: from a bicycle's stand to a bay across which a lorry parks.
+    # Ours: from a stand for bicycles to a bay in which a lorry parks at a right angle to the road.
     parking: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None
     sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     median: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
-    # Ours: from a bus's body to a lane that bicycles share.
+    # Ours: from the width of a bus's body to that of a bus lane which bicycles share.
     bus_lane: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None
-    # Ours: from one handlebar to three bicycles abreast.
+    # Ours: from the width of one handlebar to that of three bicycles abreast.
     cycle_lane: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None
     cycle_track: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None
     shoulder: Annotated[v.Length, Bounds(0.5, 5.0)] | None = None

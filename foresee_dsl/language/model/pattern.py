@@ -35,8 +35,8 @@ class Form(Enum):
     """How a text in a field is written."""
 
     NAME = auto()  # as it is
-    MODEL = auto()  # as it is; where a parameter may stand, a name without a dot is one
-    ID = auto()  # as a name, or in quotes when it is none
+    MODEL = auto()  # as it is; if a parameter is allowed, a name without a dot is read as one
+    ID = auto()  # as it is if it is a valid name, otherwise in quotes
     WORD = auto()  # as an id, or as the name of a model
     TEXT = auto()  # in quotes
 
@@ -170,10 +170,10 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
     leaves = [*_leaves(info.annotation), *info.metadata] if info is not None else []
     form = next(
         (leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME
-    )  # the last mark counts, because a `Word` is an `Id` too
+    )  # the last form counts: the annotation of a `Word` also has the form of an `Id`
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
-    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last mark is the outermost
+    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the outermost
     bounds = next((leaf for leaf in leaves if isinstance(leaf, Bounds)), None)
     words = tuple(leaf for leaf in leaves if isinstance(leaf, str))
     return FieldForm(form, parameter, dimension, words, names, bounds)

@@ -222,8 +222,8 @@ class Slippery(Item):
 
     name: Annotated[Name, Names("patch", defines=True)]
     place: Place
-    radius: Annotated[Length, Bounds(0.1, 50.0)]  # ours: from a spilt bucket to a frozen square
-    friction: Annotated[Ratio, Bounds(0.02, 1.0)]  # ours: wet ice has 0.05; without any, nothing could ever stop
+    radius: Annotated[Length, Bounds(0.1, 50.0)]  # ours: from the puddle of a bucket to a frozen square
+    friction: Annotated[Ratio, Bounds(0.02, 1.0)]  # ours: wet ice has 0.05; at 0 nothing could ever stop
 
 
 class Expect(Item):

@@ -180,7 +180,8 @@ class OfDimension:
     also: tuple[type[Item], ...] = ()
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        # One function for all: the validators of every class of values in every class that has one would cost more.
+        # One function checks all classes of values: pydantic would build a validator for each of them, in every class
+        # that has such a field, which costs more time.
         del source, handler
         return core_schema.no_info_plain_validator_function(
             self._check, serialization=core_schema.plain_serializer_function_ser_schema(dump, info_arg=True)

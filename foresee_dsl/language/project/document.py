@@ -128,8 +128,8 @@ class Problem:
 
     `actor`: name of the actor, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
     (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `about`: the name in that statement that is at
-    fault, if there is one. `part`: the place or value that is at fault. `field`: the field of the name, needed if
-    others in the statement may have the same name. `compile.compiler.diagnose` turns it into a `Diagnostic`.
+    fault, if there is one. `part`: the place or value that is at fault. `field`: the field that holds the name, needed
+    if other fields of the statement may hold the same name. `compile.compiler.diagnose` turns it into a `Diagnostic`.
     """
 
     actor: str

@@ -157,7 +157,7 @@ def _with_goal(ego: m.Ego, goal: m.Goal | None) -> m.Ego:
 
 
 def surroundings(parent: TestCase, folder: Path) -> tuple[m.ScenarioItem, ...]:
-    """Return the parent's network and catalogues as a file in `folder` names them."""
+    """Return the statements by which a file in `folder` uses the parent's network and catalogues."""
     items: list[m.ScenarioItem] = []
     for item in parent.scenario.body:
         if isinstance(item, m.UseNetwork | m.UseModels):

@@ -59,7 +59,7 @@ class _Joiner:
     def __init__(self, document: Document, parent: Document, folder: Path, parent_folder: Path) -> None:
         extension, scenario = document.model, parent.model
         if not isinstance(extension, m.Extension) or not isinstance(scenario, m.Scenario):
-            raise TypeError("an extension and a scenario are joined, nothing else")
+            raise TypeError("only an extension and a scenario can be joined")
         self._document, self._extension, self._parent = document, extension, parent
         self._spans = dict(document.spans)
         self._base_spans = dict(parent.spans)
@@ -198,7 +198,7 @@ class _Joiner:
     # ---- rebuilt items, and their places ---------------------------------------------------------------------------
 
     def _moved(self, item: m.ScenarioItem, folder: Path, parent_folder: Path) -> m.ScenarioItem:
-        """Return a statement of the other with its path relative to this file's folder."""
+        """Return a statement of the extended scenario; a path in it becomes relative to this file's folder."""
         if not isinstance(item, m.UseNetwork | m.UseModels) or folder == parent_folder:
             return item
         path = relative_to(folder, absolute(parent_folder / item.path))

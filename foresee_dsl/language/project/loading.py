@@ -35,8 +35,8 @@ def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin
 
     Args:
         address: a scenario, clip or mutant file, or `file.foresee::case`.
-        allow_outside: whether the files that it uses may lie outside the project folder: of the working folder, or of
-            the addressed file (`addresses.project_folder`).
+        allow_outside: whether the files that it uses may lie outside both the project folder of the working folder and
+            that of the addressed file (`addresses.project_folder`).
         check_pin: whether a clip or mutant whose parent has changed is an error (code `STALE_PIN`).
 
     Raises:
@@ -236,7 +236,7 @@ class Project:
         parent = self._whole(self._read(above.path, above.display_path), chain)
         if not isinstance(parent.document.model, m.Scenario):
             above.fail(c.WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
-        # The other's cases are drawn again, because parameters and requirements may differ here.
+        # The cases of the extended scenario are drawn again, because parameters and requirements may differ here.
         base = self._undrawn[parent.path]
         joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
         if mistakes := check_document(joined):

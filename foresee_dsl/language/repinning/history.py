@@ -30,7 +30,7 @@ _SETTINGS = (
     f"core.attributesFile={os.devnull}", "diff.external=", "gc.auto=0", "maintenance.auto=false",
     "submodule.recurse=false", "protocol.allow=never",
 )  # fmt: skip
-"""Options of git, given with `-c`, that override a repository's settings which name programs, by git(1)."""
+"""Options of git, given with `-c`, that override those settings of a repository that name programs (see git(1))."""
 _ENVIRONMENT = {
     "GIT_ALLOW_PROTOCOL": "none",  # nothing is fetched, because the remote of a partial clone may be a command
     "GIT_NO_LAZY_FETCH": "1",  # this variable does the same from git 2.45 on

@@ -48,7 +48,8 @@ class DerivedFile:
     """A clip or a mutant, and the effect of its parent's edit on it.
 
     Attributes:
-        file: the path as the user named it, or beside a named file.
+        file: the path as the user named it; for a file found in a named file's folder, that folder with the file's
+            name.
         state: decides what can be done.
         parent: the parent's address.
         pin: the pin in the file.
@@ -180,7 +181,7 @@ class _Planner:
         document = load(path, shown_as=display_path(self._files[path]))
         model = self._project.definition(self._files[path])
         if not (isinstance(model, m.Clip | m.Mutant) and isinstance(document.model, m.Clip | m.Mutant)):
-            raise TypeError("only clips and mutants are planned")
+            raise TypeError("only clips and mutants can be repinned, and this file is neither")
         parent = absolute(path.parent / model.parent)
         before = self._state_of(parent) if parent in self._files and parent not in self._open else None
         derived = self._judge(path, document, document.model, parent, before)
@@ -249,7 +250,7 @@ def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
 
 
 def _pin_before(parent: DerivedFile) -> str:
-    """Return the pin of the files derived from this one before it was re-pinned; "" if unknown."""
+    """Return the pin that files derived from this file had before this file was re-pinned; "" if unknown."""
     model = parent.document.model if parent.document is not None else None
     if isinstance(model, m.Clip):
         return clip_pin(model, model.pin)

@@ -33,10 +33,12 @@ error)."""
 MAX_TRIES = 10_000
 """Maximum number of draws for one case until it satisfies every `require` (ours: a tenth of a second)."""
 _TRIES_OF_A_COMBINATION = 100
-"""Number of draws of the other parameters for one combination of the grids before the next combination (ours)."""
+"""Number of draws of the other parameters for one combination of the grids, before the next combination is tried
+(ours)."""
 _FREE_DIGITS = 3
-"""Number of digits after the leading one of the range's width that values without a step have: `0 s..4 s` is drawn in
-milliseconds, `10 m..60 m` in centimetres (ours: a thousand values at least, and none that is tedious to read)."""
+"""Sets the step of a range without a step: the unit of the leading digit of the range's width, divided by ten to this
+power. So `0 s..4 s` is drawn in milliseconds, `10 m..60 m` in centimetres (ours: at least a thousand values, and none
+that is tedious to read)."""
 _BITS = 64
 """Number of bits of a random number."""
 _SLACK = Decimal("1e-6")
@@ -156,7 +158,7 @@ class _Drawer:
         self._requires = scenario.all(m.Require)
         self._scenario = scenario
         self._dependent = False
-        """True if a parameter's default is calculated from others, so that it is known only after their draw."""
+        """True if a parameter's default is calculated from others, so that it is known only after those are drawn."""
         self._fixed: dict[str, m.ParamValue] = {}
         self._free: list[tuple[m.Param, Axis]] = []
         self._grid: list[Axis] = []
@@ -314,8 +316,8 @@ def parameters_of(condition: m.Condition) -> Iterator[str]:
 
 
 def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
-    """Return a value in SI units, rounded to as many digits as meanings are compared by; None if a parameter has no
-    value yet.
+    """Return a value in SI units, rounded to the number of digits that comparisons of meanings use; None if a parameter
+    has no value yet.
 
     A calculation without a result (a division by zero) is NaN, so that every comparison with it fails.
     """

@@ -30,8 +30,8 @@ BAY_ENTRY, BAY_EXIT = 5.0, 4.0
 """Length of a bay's tapers, as a multiple of its width: entry 1 in 5 and exit 1 in 4 (Roads Service and Translink, Bus
 Stop Design Guide, 2005, paragraph 8.17)."""
 BAY_STRAIGHT_M = 20.0
-"""Length over which a bay goes straight on between its entry taper and the stop, m. Ours: a bus of 12 m that comes with
-50 km/h to a stop of 20 m then stands 1 degree askew, and a car close behind it passes with 0.6 m to spare; without this
+"""Length over which a bay goes straight on between its entry taper and the stop, m. Ours: a bus of 12 m that arrives at
+50 km/h at a stop of 20 m then stands 1 degree askew, and a car close behind it passes with 0.6 m to spare; without this
 length it stands 4.7 degrees askew, and the two touch."""
 
 OnRoads = m.Zebra | m.Bump | m.LaneEnd | m.OnRamp | m.OffRamp | m.BusStop
@@ -239,7 +239,7 @@ def next_piece(edge: str) -> str:
 
 
 def parts_of(network: m.Network) -> Mapping[str, tuple[str, ...]]:
-    """Return the pieces of every edge that is cut, by its id."""
+    """Return the pieces of every edge that is cut, by the id of the edge."""
     return {edge.id: edge.pieces for edge in directed(network) if edge.cuts}
 
 

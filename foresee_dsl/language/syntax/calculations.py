@@ -1,5 +1,5 @@
-"""Turns the flat list of a calculation into nodes: `*` and `/` bind stronger than `+` and `-`, and equal ones from the
-left."""
+"""Turns the flat list of a calculation into nodes: `*` and `/` bind stronger than `+` and `-`, and operators of equal
+strength are applied from left to right."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def _collect(container: _Entry, by_key: dict[Key, Comments]) -> None:
     previous = container.block[0][0] if container.block is not None else container.start[0]
     for child in container.children:
         before, blank = _with_gaps(child.before, previous, child.start[0])
-        _collect(child, by_key)  # this comes first, because it finds the comments at the child's end
+        _collect(child, by_key)  # first, because this stores the comments at the child's end
         at_end = by_key.get(child.key, Comments()).at_end
         by_key[child.key] = Comments(
             before=before, blank_before=blank, after=child.after, at_end=at_end, after_end=child.after_end

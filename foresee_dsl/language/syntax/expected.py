@@ -116,8 +116,8 @@ def homes() -> Mapping[str, tuple[str, ...]]:
 
 @cache
 def _dimensions() -> Mapping[str, Dimension]:
-    """Return the dimension of the value that follows a word, by the patterns. It is only for messages: the model
-    decides."""
+    """Return, for each word, the dimension of the value that follows it in the patterns of statements. It is only for
+    messages: the model decides."""
     dimensions: dict[str, Dimension] = {"(": "length"}
     for kind in m.ITEMS:
         for word, field in words_before(read_pattern(kind.pattern)):
@@ -129,7 +129,7 @@ def _dimensions() -> Mapping[str, Dimension]:
 
 @cache
 def dimensions_behind() -> Mapping[str, frozenset[Dimension]]:
-    """Return the dimensions of the values that may follow a word, by the patterns."""
+    """Return, for each word, the dimensions of the values that may follow it in the patterns of statements."""
     dimensions: dict[str, set[Dimension]] = {}
     for kind in m.ITEMS:
         for word, field in words_before(read_pattern(kind.pattern)):

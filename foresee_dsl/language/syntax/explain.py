@@ -111,7 +111,7 @@ class Refusal:
 
     def _explain_ours(self, error: UnexpectedInput) -> tuple[str, str, HelpText]:
         words = words_of_terminals(self._accepted)
-        short = self._rule in ("scenario_item", "action") and len(self._text) <= REACH  # the patterns are quadratic
+        short = self._rule in ("scenario_item", "action") and len(self._text) <= REACH  # slow: quadratic
         for pattern, message, help_ in _OFTEN if short else ():
             match = pattern.match(self._text)
             if match is not None:
@@ -200,7 +200,7 @@ class Refusal:
         return match[0]
 
     def _missing_values(self) -> Iterable[str]:
-        """Yield values that may be missing before the place, each with its sign."""
+        """Yield values that may be missing before the place, each with the sign before it (`, 0 m`, ` < 3 s`)."""
         if "COMMA" in self._accepted and "(" in self._text[: self.start]:
             yield from (", 0 m", ", ego")
         measured = self._behind(_MEASURED)

@@ -1,7 +1,7 @@
 """Recognises statements with words and signs of other languages, and says how this language writes them.
 
-The others are programming languages, Scenic, and ASAM OpenSCENARIO XML and DSL. Only statements that the grammar
-refused are examined.
+The other languages are programming languages, Scenic, and ASAM OpenSCENARIO XML and DSL. Only statements that the
+grammar refused are examined.
 """
 
 from __future__ import annotations

@@ -47,7 +47,8 @@ STARTS = (*PLACES, *(m.rule_of(kind) for kind in get_args(m.Definition)))
 
 
 class WholeWords:
-    """Makes the lexer read whole words at every place: a keyword ends where its word ends."""
+    """Makes the lexer read whole words at every place, so that it never takes the beginning of a longer word for a
+    keyword."""
 
     always_accept = ("WORD",)
 

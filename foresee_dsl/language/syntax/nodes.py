@@ -84,7 +84,7 @@ class NodeMaker:
         self.errors: list[TextError] = []
         self._tree = tree
         self.stated: list[Node] = []
-        """The statements of parameters and of drawn cases."""
+        """The statements that define parameters or draw cases."""
         self.settles = False
         """True if these statements have expressions, which `parameters.settle` evaluates after all nodes are made."""
         extends = any(part.data == "extension" for part in _trees(tree.children))
@@ -231,7 +231,7 @@ class NodeMaker:
         operands, signs = tree.children[::2], tree.children[1::2]
         if len(operands) > MAX_DEPTH:
             message = f"a calculation of {len(operands)} values"
-            self._error("FS018", message, f"use at most {MAX_DEPTH}: split it", span_of(tree))
+            self._error("FS018", message, f"use at most {MAX_DEPTH} values: split it", span_of(tree))
             operands = operands[:1]
         nodes = [(self.make(operand), _with_brackets(operand)) for operand in operands if isinstance(operand, Tree)]
         return calculation(nodes, [(str(s), span_of(_token(s))) for s in signs[: len(nodes) - 1]])

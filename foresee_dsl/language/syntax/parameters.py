@@ -23,14 +23,14 @@ _Slot = tuple[Node, str, int | None]
 
 
 def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) -> list[TextError]:
-    """Replace each expression in the `param` and `cases` statements of a file by its result, which keeps its text;
-    return the errors.
+    """Replace each expression in the `param` and `cases` statements of a file by its result, which keeps the
+    expression's text; return the errors.
 
     Args:
         statements: the statements.
         whole: True if every parameter is in this file (in an extension they are not).
-        partial: True if some statements could not be read; calculations with their parameters then get an arbitrary
-            value.
+        partial: True if some statements could not be read; calculations that need a parameter of such a statement then
+            get an arbitrary value.
     """
     settler = _Settler(statements, whole=whole)
     settler.settle()

@@ -112,7 +112,7 @@ class _Reader:
             self._error("FS014", "this file defines nothing", _one_of_the_definitions(), end, end + 1)
         for k, raw in enumerate(definitions):
             if k > 0 and broken_braces:
-                break  # statements behind a brace too many belong to the first definition
+                break  # statements after a surplus closing brace belong to the first definition
             trees.append(self._definition(raw, is_first=k == 0))
         return Tree("file", [tree for tree in trees if tree is not None])
 
@@ -145,7 +145,7 @@ class _Reader:
         return None
 
     def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
-        """Parse one statement; its block's statements (of the rule `inner`) one by one."""
+        """Parse one statement, and then one by one the statements of its block, by the rule `inner`."""
         if len(self.errors) >= self._most:
             return None
         inner = inner or self._inner(raw, rule)

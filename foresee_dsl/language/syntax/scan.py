@@ -16,7 +16,8 @@ from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then)\b")
-"""First words of statements whose block the indentation shows: the actions in it are not allowed elsewhere."""
+"""First words of statements whose block is recognised by its indentation even without braces, because the actions in it
+are not allowed elsewhere."""
 _SECOND_WORD = re.compile(r"\w+\s+(\w+)")
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
 _ENDS_OF_LISTS = ("]", "{", "}", ";")
@@ -27,7 +28,7 @@ _SHOWN = 3
 """Maximum number of unclosed blocks that are reported one by one (ours: one missing brace can leave all blocks
 open)."""
 _PLAUSIBLE = 3
-"""Number of missing braces, by the indentation, above which the file counts as not indented (ours)."""
+"""If the indentation suggests more missing braces than this, the file counts as not indented (ours)."""
 
 
 @cache
