@@ -42,9 +42,9 @@ class Assembly(NamedTuple):
     """The parts of a campaign's result.
 
     Attributes:
-        seeds, clips: outcomes of test cases and clips, sorted by name. traces: stored traces to copy into the
-          campaign's folder, by file; each with its test case's id if another campaign stored it under another id,
-          otherwise "".
+        seeds, clips: outcomes of test cases and clips, sorted by name. traces: the stored traces to copy into the
+          campaign's folder. The keys are their files in it. Each trace comes with the id that its test case has here if
+          another campaign stored the trace under another id, otherwise with "".
         minimised: minimised representatives of the findings, sorted by name.
     """
 
@@ -119,8 +119,9 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
 
 
 def _run_beside(node: StepNode, row: Row, driver: str) -> dict[str, tuple[str, str]]:
-    """Return the trace of a reference driver's run, by the file that it gets beside the failure; empty if none is
-    stored."""
+    """Return the stored trace of a reference driver's run; the key is the file, beside the failure's, that the trace
+    gets. The result is empty if no trace is stored.
+    """
     if not row.trace or node.above is None:
         return {}
     above = node.above

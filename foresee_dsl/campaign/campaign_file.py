@@ -134,7 +134,7 @@ def _divided(path: str) -> tuple[Path, tuple[str, ...]]:
 def _paths(item: m.Seeds, folder: Path) -> tuple[str, ...]:
     """Return the scenarios of a `seeds` line: for a pattern all matches, sorted.
 
-    A file, folder or address as written.
+    A file, folder or address is returned as written.
     """
     if not _PATTERN & set(item.path):
         file, case = parse_address(item.path)

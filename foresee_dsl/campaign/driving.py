@@ -33,8 +33,9 @@ from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSetting
 from foresee_dsl.simulate.trace import Trace
 
 REMEMBERS = "keeps data from one run to the next that changes its behaviour"
-"""What reports say of a driver whose repeated run, without kept values, differs. The result of the repeated run
-counts."""
+"""What reports say about a driver if its run, repeated without the values that the driver had kept, ends differently.
+The result of the repeated run counts.
+"""
 
 
 def run_test_case(
@@ -82,8 +83,8 @@ def driven(
     def once() -> RunResult:
         if DriverPart.PREDICTION not in ideal:
             return with_parts(ideal)
-        # The others react to the ego, so the prediction is made twice: from the run without the ideal part, and from
-        # the run with it.
+        # The ideal prediction is read from a run. Because the other actors react to the ego, it is made twice: first
+        # from the run without the ideal prediction, then from the run with it.
         first = with_parts(ideal - {DriverPart.PREDICTION})
         second = with_parts(ideal, first.trace)
         return with_parts(ideal, second.trace) if second.verdict.is_failure else second

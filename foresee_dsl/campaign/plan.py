@@ -182,7 +182,7 @@ def _name(node: StepNode) -> str:
 def _add_followers(graph: nx.DiGraph[str], node: StepNode, settings: CampaignSettings, *, is_done: bool) -> None:
     """Add the steps that may follow from a step: one node per stage, which stands for all of them.
 
-    `known`: the step has been run, so only steps that follow from chosen ones are still open.
+    `is_done`: the step has been run, so only steps that follow from chosen ones are still open.
     """
     step = node.step
     if isinstance(step, MutantsStep) and step.request.children:

@@ -253,8 +253,8 @@ class ClipOutcome:
     """The run of one clip without mutation, and its mutants.
 
     `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median over the other actors.
-    `within`: share of the other actors within 0.1 m. `others_m`: largest deviation of each of them. `ego_m`: of the
-    ego.
+    `within`: share of the other actors that stayed within 0.1 m of their places in that run. `others_m`: largest
+        deviation of each other actor. `ego_m`: the deviation of the ego.
     """
 
     seed: str
@@ -314,7 +314,7 @@ class Minimised:
     Attributes:
         child: its run. clip: the name of its clip. clip_text: the file of that clip.
         dropped: changes and actors that were left out. boundaries: values at which its numbers begin to fail.
-        changes, actors, clip_lines: numbers before and after; lines of the clip's file.
+        changes, actors, clip_lines: numbers of changes, actors and lines of the clip's file, before and after.
         runs: number of runs needed. complete: whether the budget was enough for all reductions.
         note: why it is unchanged or not as small as possible; "" without a note.
     """

@@ -28,7 +28,7 @@ class CampaignSettings:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
         risky_points: n_rp, maximum number of risky points per run; points with the same clip count once.
         children: c, number of mutants per clip.
-        seed: of all random choices.
+        seed: seed of all random choices.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
             lane's free width beside a car, 0.75 m; beyond it the clip is another situation).
         handover_s: duration at a clip's beginning in which the ego follows its recorded states while the driver

@@ -57,8 +57,9 @@ class ModelSpec:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """A phase of a signal: the index of its stage, SUMO's state string, its duration, and its beginning after that of
-    the stage."""
+    """A phase of a signal: the index of its stage, SUMO's state string, its duration, and the time from the beginning
+    of the stage to that of the phase.
+    """
 
     stage: int
     state: str
@@ -164,7 +165,7 @@ class PlacedActor:
         line: the centreline of that route for `ego` and `sumo`, otherwise None.
         path: points of its path, m (`path` actors; otherwise empty). along_m: its position along the path.
         cruise_mps: desired speed. waits: it stands still until a trigger `starts` it.
-        delay_s: time by which it starts to move later.
+        delay_s: how much later than otherwise it starts to move.
         timing: factor of its speed along its own path.
         line_m: its distance to the left of its lane's middle (the points of a path include it already).
         strays: another `line_m` for a time. brakes: deceleration for a time, m/s^2.
@@ -208,7 +209,7 @@ class PlacedActor:
     passes: bool = False
     """True if it passes vehicles within its lane (`passes in lane`)."""
     style: str = ""
-    """Its driving style, a name in `compile.styles.STYLES`; "" for its model's."""
+    """Its driving style, a name in `compile.styles.STYLES`; "" for the style of its model."""
     sublanes: bool = False
     """True if SUMO decides its lateral position, because it or another actor of the scenario passes within its lane."""
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()

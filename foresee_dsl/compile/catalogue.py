@@ -38,10 +38,11 @@ class ClassDefaults:
 # road gives; ours are 5 and 9 m/s^2. Top speeds and masses: ours, usual values of the class; SUMO's top speeds of
 # 200 km/h (vans), 130 km/h (lorries), 50 km/h (bicycles) and 37.6 km/h (on foot) are those of the fastest.
 # Shares: ours, typical of the class (a compact: 2.6 m and 0.85 m of 4.2 m).
-# Steering: ours. 35 deg gives a car of 2.7 m wheelbase its usual turning circle of 11 m; 40 deg/s is a hand wheel
-# turned with 600 deg/s, as when evading, through a ratio of 15; heavy vehicles have about 20. Obstacles do not move.
-# Heights: ours, usual of the class, with the rider; SUMO 1.28's own are 1.5 m (car, motorcycle), 2.86 m (van), 2.4 m
-# (lorry), 3.4 m (bus), 1.7 m (bicycle) and 1.719 m (on foot), as libsumo's `vehicletype.getHeight` gives them.
+# Steering: ours. 35 deg gives a car of 2.7 m wheelbase its usual turning circle of 11 m; 40 deg/s results from a
+# steering wheel that is turned at 600 deg/s, as in an evasive manoeuvre, with a steering ratio of 15; heavy vehicles
+# have a ratio of about 20. Obstacles do not move. Heights: ours, usual of the class, with the rider; SUMO 1.28's own
+# are 1.5 m (car, motorcycle), 2.86 m (van), 2.4 m (lorry), 3.4 m (bus), 1.7 m (bicycle) and 1.719 m (on foot), as
+# libsumo's `vehicletype.getHeight` gives them.
 CLASS_DEFAULTS: Mapping[ActorKind, ClassDefaults] = MappingProxyType(
     {
         "car": ClassDefaults(0.61, 0.20, 1500, 180 * _KMH, 2.6, 4.5, 9.0, 35, 40, 1.5),

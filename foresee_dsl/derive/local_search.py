@@ -19,12 +19,17 @@ footprints, and between centres."""
 NEAR_OF = 32
 """Number of values that an operator draws to find values near the original one. Ours."""
 SHARES = (1.0, 0.9, 0.8)
-"""Shares of its strength to which a change is reduced, if no operator of the plan draws its property. Ours."""
+"""If no operator of the plan draws the property of a change, the change is reduced to these shares of its strength.
+Ours.
+"""
 SHIFTS_S = (0.0, -0.4, -0.2, 0.2, 0.4)
-"""Shifts of the beginning of such a change, s. Ours: the spread of a driver's reaction times."""
+"""Shifts of the beginning of a change whose property no operator of the plan draws, s. Ours: the spread of a driver's
+reaction times.
+"""
 NEAREST = 8
-"""Number of the nearest draws that count as near. Ours: a quarter, so that on average a number moves by at most an
-eighth of its range."""
+"""Number of the nearest draws that count as near. Ours: a quarter of `NEAR_OF`, so that on average a number moves by at
+most an eighth of its range.
+"""
 
 
 def near_changes(

@@ -227,7 +227,7 @@ PlanNames = tuple[tuple[str, str], ...]
 
 
 def _entropy(child: Mutant) -> tuple[int, ...]:
-    """Return a hash of a mutant's changes, with which draws near this mutant differ from draws near another."""
+    """Return a hash of a mutant's changes. It makes draws near this mutant differ from draws near another one."""
     text = repr([change.model_dump_json() for change in child.changes])
     return 1, int(hashlib.sha256(text.encode()).hexdigest()[:12], 16)
 
@@ -259,8 +259,8 @@ def _proposed_first(plans: list[Plan], operator: str) -> list[Plan]:
 
 
 def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
-    """Return the recipes of which all operators can act on their targets; if there are none, of each recipe the
-    operators that can.
+    """Return the recipes whose operators can all act on their targets. If there is no such recipe, return from each
+    recipe the operators that can.
 
     `proposed`: name of the operator that the risky point proposes for the ranked actor; "" for none.
     """
@@ -310,8 +310,8 @@ def _is_target(situation: Situation, preset: Preset, actor: str) -> bool:
 
 
 def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, float]:
-    """Return how near changes bring an actor to the recorded ego when they are rolled out, m: footprints, and
-    centres.
+    """Return how near changes bring an actor to the recorded ego when they are rolled out, m: the distance between
+    footprints, and between centres.
     """
     of = {c.actor: tuple(d for d in changes if d.actor == c.actor) for c in changes}
     gaps = (predicted_gap_m(situation.trace, situation.columns[a], own, situation.models) for a, own in of.items())

@@ -159,9 +159,9 @@ clip's end."""
 FOCUSED = Preset(
     name="focused",
     # Ours. Steering finds most failures, but braking could have avoided hardly any of them; it could have avoided three
-    # in five of those that timing finds (pilot). So each gets half of the children. Recipes that cannot act on a class
-    # are left out: the first four are, for a vehicle, steer, timing and both with a swap; for a bicycle on a lane
-    # steer, timing, line and swap with steer; for a pedestrian timing, line, delay and head start.
+    # in five of those that changes of timing find (pilot). So each of the two gets half of the children. Recipes that
+    # cannot act on a class are left out: the first four are, for a vehicle, steer, timing and both with a swap; for a
+    # bicycle on a lane steer, timing, line and swap with steer; for a pedestrian timing, line, delay and head start.
     recipes=(
         ("steer",),
         ("timing",),
@@ -179,11 +179,15 @@ FOCUSED = Preset(
     reach_m=0.5,  # the difference that slightly different steering or braking makes
     steer=SteerSettings(
         least_share=0.3,
-        before_point_s=1.0,  # at the clip's beginning, 108 of 117 failures came before the risky point (pilot)
-        hold_s=1.0,  # 0.3 s does nothing, 1 s does what the whole clip does (pilot)
+        # With an onset at the clip's beginning, 108 of 117 failures came before the risky point (pilot).
+        before_point_s=1.0,
+        # In the pilot, holding the angle for 0.3 s had no effect, and 1 s had the same effect as the whole clip.
+        hold_s=1.0,
         lateral_g=0.3,  # the strongest of ordinary drivers in an unhurried manoeuvre
-        rate_rad_s=0.52,  # 30 deg/s at the wheels: a hand wheel turned with 450 deg/s through a ratio of 15
-        least_speed_mps=2.0,  # slower, a second of steering moves it sideways by less than a hand
+        # 30 deg/s at the wheels: a steering wheel that is turned at 450 deg/s, with a steering ratio of 15.
+        rate_rad_s=0.52,
+        # At a lower speed, a second of steering moves an actor sideways by less than a hand's width.
+        least_speed_mps=2.0,
     ),
 )
 """Ours, the default: the ranked actor, one second before the risky point."""

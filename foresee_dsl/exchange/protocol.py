@@ -82,7 +82,7 @@ def options_of(run: Format[Any]) -> type[Any]:
     kind = get_type_hints(run).get("options")
     if parameters != ["options", "tell"] or not (isinstance(kind, type) and is_dataclass(kind)):
         raise ExchangeError(
-            f"{getattr(run, '__qualname__', run)} is not a format: it takes ({', '.join(parameters)}), and needs a "
-            "function of (options: A_DATACLASS, tell), as described in foresee_dsl.exchange.protocol"
+            f"{getattr(run, '__qualname__', run)} is not a format: it takes ({', '.join(parameters)}), but must "
+            "take (options: A_DATACLASS, tell), as described in foresee_dsl.exchange.protocol"
         )
     return kind

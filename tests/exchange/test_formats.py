@@ -165,7 +165,7 @@ def test_a_program_starts_where_an_option_names_it_and_not_where_a_file_does() -
 @pytest.mark.usefixtures("package")
 @pytest.mark.parametrize(("name", "takes"), [("old", "(file, out)"), ("undated", "(options, tell)")])
 def test_what_is_not_a_format_is_named_with_what_it_needs(name: str, takes: str) -> None:
-    needs = f"{name} is not a format: it takes {takes}, and needs a function of (options: A_DATACLASS, tell)"
+    needs = f"{name} is not a format: it takes {takes}, but must take (options: A_DATACLASS, tell)"
     assert needs in re.sub(r"[│\s]+", " ", foresee("export", "--help"))
     assert needs in str(CliRunner().invoke(app, ["export", name]).exception)
 

@@ -24,8 +24,9 @@ NEW = 1.0
 NEW_UNAVOIDED = 0.6
 """Worth of a failure whose story is new and that is not known to be avoidable."""
 AGAIN = 0.1
-"""Worth of a failure whose story occurred before, as a share of its first worth. Ours: in replays
-(docs/background/method.md) 0.25 found as many failures and a tenth fewer findings, 0 fewer of both."""
+"""Worth of a failure whose story occurred before, as a share of the worth that the story had at first. Ours: in replays
+(docs/background/method.md), 0.25 gave as many failures but a tenth fewer findings, and 0 gave fewer of both.
+"""
 NEAR_MISS = 0.2
 """Worth of a pass with the nearest possible miss; for other passes the worth decreases with the square of the nearness
 (`nearness_of`)."""
@@ -38,8 +39,9 @@ NEAR_S = 1.5
 
 
 WAY_WEIGHT = 8.0
-"""Number of imagined mutants of average worth that are added when the worth of a way is estimated, so that few results
-weigh little."""
+"""When the worth of a way of drawing mutants is estimated, this many imagined mutants of average worth are added, so
+that a few results have little weight.
+"""
 CERTAINTY = 8.0
 """Weight of each mutant when a way's worth is drawn. Ours: with weight 1, ways that never found anything are tried
 about as often as the best; in replays (docs/background/method.md) that cost one finding in thirty."""
@@ -54,7 +56,7 @@ class ChildFacts:
 
     Attributes:
         story: signature that equal failures share; () if the run did not fail.
-        avoidable: a judge states that its driver would have avoided the failure.
+        avoidable: whether a judge answers that the failure could have been avoided.
         nearness: for a pass, 0 (far) to 1 (almost touching); otherwise 0.
     """
 
@@ -64,7 +66,7 @@ class ChildFacts:
 
     @classmethod
     def of(cls, child: ChildOutcome, family: str) -> ChildFacts:
-        """Return the facts about a mutant's record; equal stories of different families differ."""
+        """Return the facts about a mutant's record. The same story in two families counts as two stories."""
         signature = child.story.signature if child.story is not None else (child.verdict.value,)
         return cls(
             story=(family, *signature) if child.verdict.is_failure else (),

@@ -73,8 +73,10 @@ ROUNDS = 4
 MOST = 2
 """Largest number of mutants of one clip in one round and with one seed, as a multiple of the setting `children`."""
 NEAR_ENOUGH = 0.5
-"""Least nearness of a mutant near which others are drawn: 1 m, or a time to collision of 0.75 s. Ours: near arbitrary
-near misses 3 of 92 mutants failed, of the other mutants of the same rounds 15 of 151."""
+"""Mutants are drawn near an earlier mutant only if the nearness of that mutant is at least this (a distance of 1 m, or
+a time to collision of 0.75 s). Ours: 3 of 92 mutants that were drawn near arbitrary near misses failed, but 15 of the
+151 other mutants of the same rounds.
+"""
 NEAR_AT_MOST = 2
 """Maximum number of mutants drawn near one mutant."""
 _NEVER = sys.maxsize
@@ -86,8 +88,9 @@ class Round:
     """The allocation of one round, for reports.
 
     Attributes:
-        number, of: index of the round, and number of rounds. children: mutants of this round. before: mutants of the
-            earlier rounds. total: mutants of all rounds. clips: mutants by clip. ways: mutants by way of drawing.
+        number, of: index of the round, and number of rounds. children, before, total: numbers of mutants of this round,
+            of the earlier rounds, and of all rounds. clips: number of mutants of each clip. ways: number of mutants
+            drawn in each way.
     """
 
     number: int
@@ -375,7 +378,7 @@ def _want(units: list[_Unit], way: MutantDraw, nearness: Mapping[StepNode, float
 
 
 def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
-    """Return the requests for the first round's mutants, which no round has made explicitly."""
+    """Return the first round's mutants as requests, because that round makes no explicit requests."""
     drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, count))) for k in range(1, count + 1))
     return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
 

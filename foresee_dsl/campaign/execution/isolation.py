@@ -53,7 +53,9 @@ _WARM = 4
 made; caches of clips hold sixteen."""
 _GRACE_S = 10.0
 """Time beyond a deadline before a process is ended, s. Ours: a run checks its deadline once a second and reports where
-the driver was; the work before and after a run takes less than a second. At most the deadline itself."""
+the driver was; the work before and after a run takes less than a second. The grace is never longer than the deadline
+itself.
+"""
 _REPORTED_S = 2.0
 """Time for the fork server to report how a process ended, s. Ours: a hundred times the usual time."""
 

@@ -318,8 +318,8 @@ class WorkerPool(Executor):
 
     def _requeue(self, numbers: Iterable[int]) -> None:
         for number in numbers:
-            # These come before all others, and those that may be the cause last, so that the rest of their batch need
-            # not wait for them.
+            # Requeued tasks come before all others. Among them, those that may have ended the process come last, so
+            # that the rest of their batch need not wait for them.
             self._queue.push(number, (-1, self._suspect(number), 0), self._tasks[number].shares)
 
     def _receive(self, worker: Worker) -> Iterator[Update]:

@@ -38,8 +38,8 @@ class Failing:
     """A failing test case or mutant with its driver.
 
     Attributes:
-        name: of the finding or the test case. campaign: folder in which the diagnosis is kept; None: it is not kept.
-        number: of its finding; 0 without one.
+        name: name of the finding or the test case. campaign: folder in which the diagnosis is kept; None if it is not
+            kept. number: number of the failure's finding; 0 if there is no finding.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Failing:
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """A diagnosis with the failure that it is about. `note`: the reason if there is no diagnosis, otherwise ""."""
+    """A diagnosis with the failure that it is about. `note`: why there is no diagnosis; "" if there is one."""
 
     failing: Failing
     diagnosis: Diagnosis | None
@@ -203,7 +203,7 @@ def diagnosis_of(campaign: Path, name: str, reason: str) -> str:
     """Return the kept diagnosis of a finding in words; "" if there is none of this run.
 
     Args:
-        reason: how the run ended that the finding shows; a diagnosis of another run is out of date.
+        reason: how the finding's run ended. A diagnosis of a run that ended differently is out of date.
     """
     kept = kept_diagnoses(campaign).get(name)
     return str(kept["text"]) if kept is not None and kept.get("reason") == reason else ""

@@ -51,9 +51,9 @@ class Finding:
             representative, relative to the campaign's folder; for a test case its address.
         clip: file of the representative's clip, relative to the campaign's folder; "" for a test case.
         minimised: the minimised representative, if any.
-        avoided: number of failures that a reference driver avoids which also passes the unmutated clip; None without
-          reference drivers.
-        title: its story in at most twelve words, which differ from those of the others in the first six.
+        avoided: number of failures that some reference driver avoids and whose unmutated clip the same driver passes;
+          None if there are no reference drivers.
+        title: its story in at most twelve words. The first six words differ from those of all other findings.
         number: its place in the campaign's order, from 1, by which commands address it; 0 before it is sorted.
     """
 
@@ -227,7 +227,9 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 TITLE_WORDS, TELLING_WORDS, CASE_WORDS = 12, 6, 4
-"""Maximum number of words of a title, of those by which a reader tells titles apart, and of those for a test case."""
+"""Maximum number of words of a title, of its beginning by which a reader tells titles apart, and of a test case's name
+within it.
+"""
 _NOT_LAST = frozenset(
     (
         "a",
@@ -279,7 +281,7 @@ def _beginning(title: str) -> tuple[str, ...]:
 
 
 def _case_words(finding: Finding, story: str) -> str:
-    """Return the name of a finding's test case, or of its file, in as many words as a title with its story has room."""
+    """Return the name of a finding's test case, or of its file, shortened so that it and the story fit into a title."""
     path, _, case = finding.test_case.partition("::")
     words = (case or PurePosixPath(path).stem).replace("_", " ").split()
     room = max(1, min(CASE_WORDS, TITLE_WORDS - 1 - len(story.split())))
@@ -341,7 +343,8 @@ def case_file_name(address: str, scenario: str) -> str:
 def _simplicity(child: ChildOutcome) -> tuple[int, bool, float]:
     """Return a sort key for simplicity.
 
-    Changed lines, whether one steers or swaps a model, and their sizes.
+    The key consists of the number of changed lines, whether one of them steers or swaps a model, and the sizes of the
+    changes.
     """
     model = parse(child.text, child.name).model
     changes = model.changes if isinstance(model, Mutant) else ()

@@ -42,8 +42,8 @@ class Review:
 
     Attributes:
         finding: as in `campaign.json`. asked: the requested name, which may be that of a sibling.
-        others: the other mutations of its clip. driver, seed: of the campaign. campaign: its folder.
-        diagnosis: which part of the driver causes it, in words; "" before `foresee diagnose`.
+        others: the other mutations of its clip. driver, seed: those of the campaign. campaign: its folder. diagnosis:
+            which part of the driver causes the failure, in words; "" before `foresee diagnose`.
     """
 
     finding: Mapping[str, Any]
@@ -146,7 +146,7 @@ def review_of(wanted: NamedFailure) -> Review:
 
 
 def _reason_of(wanted: NamedFailure, finding: Mapping[str, Any]) -> str:
-    """Return how the run of a finding ended that all statements about it are about."""
+    """Return how the run of a finding ended; all statements about the finding describe this run."""
     small = finding.get("minimised")
     if small and wanted.minimised is not None:
         return str(small["reason"])

@@ -36,8 +36,9 @@ SIDE = 9
 DRAWN = 5
 """Cases that are drawn inside the failing region. Ours: 5 of 5 say that at least 55 % fail, with 95 % confidence."""
 _FARTHEST = 64
-"""Largest distance beyond the failing value at which a passing one is looked for, steps of its grid. Ours: 0.64 of a
-timing, more than any operator changes; seven runs."""
+"""Beyond the failing value, a passing value is looked for up to this distance, in steps of the grid. Ours: for a timing
+these are 0.64, more than any operator changes, and seven runs reach it.
+"""
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
 Outcome = bool | None
@@ -46,13 +47,14 @@ Outcome = bool | None
 
 @dataclass(frozen=True)
 class Edge:
-    """Where one changed value passes while the others stay as they are.
+    """The values at which one changed value begins to pass while the other changes stay as they are.
 
     Attributes:
-        change: actor and property, such as `walker.timing`. unit: of the values, "" for a ratio.
-        was, fails: the unmutated value, and that of the finding. passes: the passing value nearest to `fails` towards
-          `was`; None if `was` fails too. beyond: the one on the other side; None if none was found.
-        runs: number of runs that it took.
+        change: actor and property, such as `walker.timing`. unit: unit of the values; "" for a ratio.
+        was, fails: the unmutated value, and the value of the finding. passes: the passing value nearest to `fails` on
+          the side of `was`; None if `was` fails too. beyond: the passing value nearest to `fails` on the other side;
+          None if none was found.
+        runs: number of runs in which these values were found.
     """
 
     change: str
@@ -69,13 +71,13 @@ class Edge:
 
     @property
     def distance(self) -> float | None:
-        """The smallest change of the value at which it passes; None if it always fails."""
+        """By how much the failing value must change at least for the run to pass; None if every tried value fails."""
         far = [round(abs(value - self.fails), 6) for value in (self.passes, self.beyond) if value is not None]
         return min(far, default=None)
 
     @property
     def share(self) -> float:
-        """That change as a share of the mutation's own."""
+        """The `distance` as a share of the mutation's own change of the value."""
         distance = self.distance
         return distance / abs(self.fails - self.was) if distance is not None else float("inf")
 
@@ -101,9 +103,11 @@ class Region:
     """A part of the map in which every run fails.
 
     Attributes:
-        parameters: the `param` lines of its names. require: the `require` line.
+        parameters: the `param` lines that declare its values. require: the `require` line that limits them to the
+            region.
         drawn, failed: number of cases that the language drew inside it, and how many of them fail.
-        files: the finding's clip as a scenario, and one with these lines that extends it, if they were to be kept.
+        files: two written scenarios: the finding's clip, and one that extends it by these lines; empty if they were not
+            to be written.
     """
 
     parameters: tuple[str, ...]
@@ -118,7 +122,8 @@ class Sureness:
     """How sure a failure is.
 
     Attributes:
-        name, number: of the finding; 0 without one. seeds, failed: number of sensor seeds, and of those that fail.
+        name, number: name of the failure, and number of its finding (0 if there is no finding). seeds, failed: number
+            of sensor seeds, and of those that fail.
         note: why there is no map or region; "" otherwise.
     """
 
@@ -269,7 +274,7 @@ def _edge(subject: _Subject, grid: ValueGrid) -> Edge:
         return bool(ended[k])
 
     def passing(first: int, last: int) -> int:
-        """Return a passing number next to a failing one; `first` fails and `last` passes."""
+        """Return an index whose value passes next to one whose value fails; `first` fails and `last` passes."""
         while abs(last - first) > 1:
             middle = (first + last) // 2
             first, last = (middle, last) if fails(middle) else (first, middle)
@@ -293,7 +298,7 @@ def _edge(subject: _Subject, grid: ValueGrid) -> Edge:
 
 
 def _at(grid: ValueGrid, k: int) -> m.Change:
-    """Return the change with a number of its grid; the last one is the unmutated value."""
+    """Return the change with the value at index `k` of its grid; the last index has the unmutated value."""
     if k < grid.count:
         return grid.changed(k)
     return grid.change.model_copy(update={"now": m.Quantity(value=grid.was, unit=grid.unit)})
@@ -305,11 +310,13 @@ def _value(grid: ValueGrid, k: int) -> float:
 
 @dataclass(frozen=True)
 class _Box:
-    """A part of the map in which all runs fail: for each value its grid, and the first and last of its numbers."""
+    """A part of the map in which all runs fail. `sides`: for each changed value its grid, and the first and last index
+    in it.
+    """
 
     sides: tuple[tuple[ValueGrid, int, int], ...]
     spans: tuple[tuple[int, int], ...]
-    """First and last number of each side of the whole map."""
+    """First and last index of each side of the whole map."""
 
 
 def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tuple[HeatMap, _Box]:
@@ -341,7 +348,7 @@ def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tu
 
 
 def _numbers(grid: ValueGrid) -> list[int]:
-    """Return the numbers of a grid along one side of the map: from the unmutated value to twice the change."""
+    """Return the indices of a grid along one side of the map, from the unmutated value to twice the change."""
     step = max(1, round(grid.count / (SIDE // 2)))
     return [step * k for k in range(SIDE // 2, -(SIDE // 2) - 1, -1)]
 

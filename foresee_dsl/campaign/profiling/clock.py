@@ -51,8 +51,9 @@ class Measurement:
 
 
 EVERY = 8
-"""CPU time is read around one of this many decisions. Ours: reading it around every decision took 6 % of a campaign, so
-this takes less than 1 %."""
+"""CPU time is read around one in this many decisions. Ours: reading it around every decision took 6 % of a campaign, so
+this takes less than 1 %.
+"""
 
 
 class Clock:
@@ -78,7 +79,7 @@ class Clock:
         self._exactly = False
         """Whether CPU time is read around the present decision."""
         self._decisions = 0
-        self._own_cpu = self._own_wall = 0  # the decisions around which CPU time was read
+        self._own_cpu = self._own_wall = 0  # times of the decisions around which CPU time was read
         self._open = [0] * len(Part)  # wall time since CPU time was last read
         self._wall = [0] * len(Part)
         self._cpu = [0] * len(Part)

@@ -20,7 +20,7 @@ class PartTime:
         title: task of the part. cpu_s: CPU time of this program, its workers and drivers' programs. wall_s: wall time,
             summed over processes.
             ms_per_simulated_s: wall time per simulated second. share_of_runs: share of the wall time between the first
-            and last frames of all runs; None for parts outside of it. share: of all wall time.
+            and last frames of all runs; None for parts outside of that time. share: share of all wall time.
     """
 
     part: Part

@@ -128,12 +128,12 @@ def _uses(document: Document) -> list[tuple[m.Item, str, str]]:
 def _span(document: Document, item: m.Item) -> Span:
     span = document.span(item)
     if span is None:
-        raise ValueError(f"{type(item).__name__} has no place in its file")
+        raise ValueError(f"the position of {type(item).__name__} in its file is not known")
     return span
 
 
 def _put(text: str, places: list[tuple[Span, str]]) -> str:
-    """Return a text with replacements at some places, each within one line; line ends stay as they are."""
+    """Return a text with replacements at some places, each within one line; the line ends are kept."""
     mark = "\ufeff" if text.startswith("\ufeff") else ""
     lines = re.split(r"(\r\n|\r|\n)", text.removeprefix(mark))
     for span, new in sorted(places, key=lambda place: (place[0].line, place[0].column), reverse=True):

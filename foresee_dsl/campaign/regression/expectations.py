@@ -154,7 +154,8 @@ def recorded_text(address: str) -> str:
 def expected_in(
     items: Sequence[m.Item], case: str | None, names: Sequence[str], origin: m.Origin | None = None
 ) -> m.Expected | None:
-    """Return the statement for a driver and a case: the most specific name first, then the case.
+    """Return the statement for a driver and a case. One with the most specific name comes first; among equal names, one
+    for this case comes before one for all cases.
 
     Without a statement, a mutant's `origin` gives it for the driver that found the failure.
     """

@@ -27,8 +27,8 @@ class SuiteTest:
     """One test case of a suite.
 
     Attributes:
-        file: as the user named it. case: of a scenario with cases.
-        stated: the `expected` lines of its file. origin: a mutant's.
+        file: as the user named it. case: name of the case, for a scenario with cases. stated: the `expected` lines of
+            its file. origin: the `origin` block of a mutant.
         verified: `foresee verify` runs it; otherwise it only has to pass.
     """
 

@@ -50,7 +50,8 @@ class RoundRequest:
 
     Attributes:
         round: number of the round; the first has no explicit request: each clip gets its first mutants. 0: no rounds.
-        children: the requested mutants. plans: of the clip's mutants. existing: texts of the existing mutants.
+        children: the requested mutants. plans: the plans by which the clip's mutants are drawn. existing: texts of the
+            existing mutants.
     """
 
     round: int = 0

@@ -51,7 +51,7 @@ class Work:
     Attributes:
         steps: the first one is run; the others follow from its result and are run in the same process.
         case: the test case that they descend from. folder: absolute folder of the clips' and mutants' files.
-        trace: of the run that the first step reads (`Step.reads`), if any. deadlines: of each run.
+        trace: trace of the run that the first step reads (`Step.reads`), if any. deadlines: deadlines of each run.
     """
 
     steps: tuple[Step[Any, Any], ...]
@@ -90,9 +90,11 @@ class Step(ABC, Generic[Above, Result]):
         after_all: the steps that it follows from are chosen when all of them are known (`Stages.choose`).
         of_failures: it follows from failures only.
         runs: maximum number of its runs, for its deadline.
-        share: share of the possible steps that occur, for the remaining time (ours: the bundled scenarios).
+        share: share of the possible steps that occur, from which the remaining time is estimated (ours: measured on the
+            bundled scenarios).
         turn: lower ones are run first.
-        usual_s: wall time if the store has none of its kind (ours: the bundled scenarios with `pdm`).
+        usual_s: wall time that is assumed if the store has no step of the kind, s (ours: measured on the bundled
+            scenarios with `pdm`).
     """
 
     kind: ClassVar[str]

@@ -40,7 +40,7 @@ class Lock:
 
     `flock` is used, not the file's existence, because a killed holder leaves a file but no lock. On NFS, Linux turns it
     into a byte-range lock, which the server keeps for all hosts. The file is never deleted: a process that waits for a
-    deleted file would lock another file than the next one.
+    deleted file would lock another file than the next process does.
     """
 
     def __init__(self, file: Path) -> None:

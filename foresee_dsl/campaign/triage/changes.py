@@ -1,4 +1,6 @@
-"""The campaigns of a folder in order, each with what was new and gone since the one of its driver before."""
+"""The campaigns of a folder in order, each with the stories that were new and gone since its driver's previous
+campaign.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ class CampaignChange:
     """A campaign of a folder.
 
     Attributes:
-        folder: of one driver or ranker, if a campaign has several. counts: its findings by judgement.
-        new, still, gone: numbers of stories since the campaign before; None for a driver's first campaign.
+        folder: its folder; if a campaign has several drivers or rankers, each has a folder. counts: number of its
+            findings by judgement. new, still, gone: numbers of stories that are new, still there and gone since the
+            previous campaign; None for a driver's first campaign.
     """
 
     folder: Path

@@ -36,7 +36,7 @@ class Triage(StrEnum):
     KNOWN = "known"
     """A fault that is being worked on."""
     NOT_OURS = "not-ours"
-    """Not a fault of this driver: of the simulator, the scenario or another part."""
+    """Not a fault of this driver but of the simulator, the scenario or another part."""
     ACCEPTED = "accepted"
     """A fault that stays."""
 
@@ -48,7 +48,9 @@ class Triage(StrEnum):
 
 @dataclass(frozen=True)
 class Decision:
-    """A line of the file. `story`: key of the finding's story with its driver. `line`: from 1; 0: not written yet."""
+    """A line of the file. `story`: key of the finding's story with its driver. `line`: number of the line, from 1; 0 if
+    it is not written yet.
+    """
 
     story: str
     triage: Triage
@@ -84,8 +86,9 @@ def story_key(driver: str, story: str) -> str:
 
 
 def triage_file(test_cases: Iterable[str]) -> Path:
-    """Return the file of the project to which the first of some test cases belongs; without any, that of the working
-    folder."""
+    """Return the file of the project to which the first test case belongs; without test cases, the file of the working
+    folder's project.
+    """
     first = next(iter(test_cases), "")
     return project_folder(absolute(Path(first.partition("::")[0]).parent)) / FILE
 

@@ -21,7 +21,7 @@ FILE = "history.jsonl"
 
 @dataclass(frozen=True)
 class PastFinding:
-    """A finding of an earlier campaign. `judgement`: the word of whose failure it was."""
+    """A finding of an earlier campaign. `judgement`: the word that says whose failure it was."""
 
     story: str
     judgement: str
@@ -34,8 +34,8 @@ class PastCampaign:
     """An earlier campaign of a folder.
 
     Attributes:
-        ended: date and time of its first end, UTC. digest: of `campaign.json` without its wall time.
-        test_cases: number of them.
+        ended: date and time (UTC) at which it first ended. digest: hash of its `campaign.json` without the wall time.
+            test_cases: number of test cases.
     """
 
     ended: str

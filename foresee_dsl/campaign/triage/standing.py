@@ -17,29 +17,28 @@ from foresee_dsl.files import read_outside_text
 
 
 class Since(StrEnum):
-    """Whether the campaign before found a story too."""
+    """Whether the previous campaign found a story too."""
 
     NEW = "new"
     STILL = "still there"
     FIRST = ""
-    """There is no campaign before."""
+    """There is no previous campaign."""
 
     @property
     def text(self) -> str:
-        """The same in a sentence."""
+        """The value in words for a sentence."""
         return "new since the last campaign" if self is Since.NEW else self.value
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How a campaign compares with the one before, and what people decided about its findings.
+    """How the findings of a campaign compare with those of the previous one, and what people decided about them.
 
     Attributes:
-        since: by story; empty if there is no campaign before. gone: findings of the one before whose test cases ran
-          again without that story.
-        decisions: by story, for those that were triaged. unmatched: decisions about this driver and these families
-          whose stories the campaign does not have.
-        file: the file of the decisions.
+        since: for each story, whether it is new; empty if there is no previous campaign. gone: findings of the previous
+          campaign whose test cases ran again without that story. decisions: the decisions about stories that were
+          triaged, by story. unmatched: decisions about this driver and these families whose stories the campaign does
+          not have. file: the file of the decisions.
     """
 
     since: Mapping[str, Since] = field(default_factory=dict)
@@ -58,17 +57,17 @@ class Standing:
         }
 
     def of(self, story: str) -> Since:
-        """Return whether the campaign before found a story too."""
+        """Return whether the previous campaign found a story too."""
         return self.since.get(story, Since.FIRST)
 
     def words(self, story: str) -> str:
-        """Return both about a story in words; "" if there is nothing to say."""
+        """Return in words whether a story is new and what people decided about it; "" if there is nothing to say."""
         decision = self.decisions.get(story)
         return ", ".join(part for part in (self.of(story).text, decision.text if decision else "") if part)
 
     @property
     def change(self) -> str:
-        """The change since the campaign before: `2 new, 5 still there, 1 gone`; "" without one before."""
+        """The change since the previous campaign: `2 new, 5 still there, 1 gone`; "" if there was none."""
         counts = Counter(self.since.values())
         if not self.since and not self.gone:
             return ""
@@ -81,7 +80,9 @@ class Standing:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences for a reader: the change, what is gone, and decisions without a finding."""
+        """Sentences for a reader: how the findings changed, which of them no longer occur, and which decisions belong
+        to no finding.
+        """
         notes = []
         if self.change:
             gone = f": {'; '.join(finding.title for finding in self.gone)}" if self.gone else ""
@@ -94,7 +95,8 @@ class Standing:
 
 
 def standing_of(result: CampaignResult, folder: Path) -> Standing:
-    """Return how a campaign's result stands; its folder is written.
+    """Return how the findings of a campaign compare with those of the previous one; the campaign's folder is written
+    already.
 
     Raises:
         ForeseeError: the history or the decisions cannot be read.
@@ -106,7 +108,8 @@ def standing_of(result: CampaignResult, folder: Path) -> Standing:
 
 
 def standing_of_written(data: Mapping[str, Any], folder: Path) -> Standing:
-    """Return how the campaign of a folder stands; `data`: the contents of its `campaign.json`.
+    """Return how the findings of the campaign in a folder compare with those of the previous one. `data`: the contents
+    of its `campaign.json`.
 
     Raises:
         ForeseeError: the history or the decisions cannot be read.
@@ -141,7 +144,7 @@ def _standing(
 
 
 def _before(folder: Path, driver: str) -> PastCampaign | None:
-    """Return the campaign before that of a folder, with the same driver; None if there is none."""
+    """Return the previous campaign with the same driver in the folder; None if there is none."""
     history = [past for past in read_history(folder) if past.driver == driver]
     if not history:
         return None

@@ -96,7 +96,9 @@ class _UntilClosed(io.FileIO):
 
 
 def guard_streams() -> None:
-    """Replace this process's standard output and error by harmless streams that end it quietly without a reader."""
+    """Replace this process's standard output and error by streams that make text harmless, and that end the process
+    quietly when nobody reads them any more.
+    """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None or isinstance(stream, PlainStream):

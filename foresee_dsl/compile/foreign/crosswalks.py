@@ -19,7 +19,7 @@ to belong to that arm (the farthest of Town10HD's 16 is 4.9 m away; measured).""
 _BESIDE_M = 2.0
 """Largest difference of the distances from a crosswalk to the crossings over the two directions of an arm, m (ours)."""
 _SAME_ANGLE_RAD = math.radians(30)
-"""Largest angle between a crosswalk and its crossing (ours)."""
+"""Largest angle between a crosswalk and its crossing, rad (ours)."""
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0
 """Range to which widths of crosswalks are limited, m (ours)."""
 _LENGTH_M, _WIDTH_M = 14.0, 2.5

@@ -60,8 +60,9 @@ def give_programs(root: Element) -> int:
 
 @dataclass(frozen=True)
 class Fixed:
-    """What `fix_times` changed: the number of programs that reacted to traffic, and of removed further programs of a
-    signal."""
+    """What `fix_times` changed: the number of programs that reacted to traffic, and the number of second and further
+    programs of signals that it removed.
+    """
 
     reacting: int
     others: int

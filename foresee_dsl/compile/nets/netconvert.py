@@ -114,8 +114,8 @@ def _run(tool: str, arguments: Sequence[str], folder: Path, memory_mb: float) ->
     program = shutil.which(tool, path=str(home / "bin"))
     if program is None:
         raise CompileError(f"{tool} is not in {home / 'bin'}: reinstall the package 'eclipse-sumo'")
-    # SUMO 1.28 links OpenBLAS, which allocates 150 MB of data for each core at the start: 2.4 GB on 16 cores, more than
-    # the limit, and crashes with SIGSEGV without them. Both programs use only one of its threads.
+    # SUMO 1.28 links OpenBLAS, which allocates 150 MB of data for each core at the start (2.4 GB on 16 cores, more than
+    # the limit) and crashes with SIGSEGV if it does not get them. Both programs need only one thread of OpenBLAS.
     environment = {**os.environ, "SUMO_HOME": str(home), "OMP_NUM_THREADS": "1"}
     return _watched([program, *arguments], folder, environment, memory_mb=memory_mb, time_s=most("netconvert-time"))
 

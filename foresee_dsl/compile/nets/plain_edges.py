@@ -19,8 +19,10 @@ LANE_WIDTH_M = 3.3
 SPEED_MPS = 50 / 3.6
 """Default speed limit, m/s: the usual urban limit (Vienna Convention countries)."""
 CORNER_RADIUS_M = 5.0
-"""Radius of the inner edge of a turn, m. Ours: with a 2 m sidewalk the road's edge has 7 m; SUMO's default of 4 m is
-too tight for buses (the centre of their lane would turn with 5.6 m where there is no sidewalk)."""
+"""Radius of the inner edge of a turn, m. Ours: the edge of a road with a sidewalk of 2 m then has a radius of 7 m.
+SUMO's default of 4 m is too tight for buses (without a sidewalk, the centre of their lane would turn with a radius of
+5.6 m).
+"""
 JOINT_RADIUS_M = 0.5
 """Corner radius of a node that only divides an edge, m. Ours: no vehicle turns there, and the joint stays short."""
 RAMP_MPS = 80 / 3.6
@@ -295,7 +297,9 @@ def _number(edge: PlainEdge, lane: int) -> int:
 def _zebra_crossings(
     item: m.Zebra, edges: Mapping[str, Directed]
 ) -> Iterator[tuple[str, tuple[str, ...], float | None]]:
-    """Yield a zebra crossing, or two with an island between them; it is at the end of the piece before it."""
+    """Yield a zebra crossing, or two with an island between them. A crossing lies at the end of the piece of road
+    before it.
+    """
     width = number(item.width, ZEBRA_M)
     there, back = edges.get(item.road), edges.get(item.road + BACK)
     if there is None:

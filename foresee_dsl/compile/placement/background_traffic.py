@@ -25,8 +25,9 @@ from foresee_dsl.language.model import Traffic
 GAP_M = 12.0
 """Free road in front of and behind every vehicle at the start, m (ours: a car at 25 km/h can stop within it)."""
 _ROUNDING_M = 0.01
-"""Distance from the area of the traffic from which a lane has no place in it, m (ours: far more than rounding
-errors)."""
+"""A lane farther than this from the area of the traffic has no candidate place in the area, m (ours: far more than
+rounding errors).
+"""
 STEP_M = 3.0
 """Spacing of the candidate places of vehicles on lanes, m (ours)."""
 MAX_EDGES = 12

@@ -487,7 +487,7 @@ def _meeting(
 
 
 def _beside(stop: m.BusStop) -> str:
-    """Return the place on the lane for cars beside a bus stop, as it is written."""
+    """Return, in the language, the place on the lane for cars beside a bus stop."""
     return f"{written(stop.at)} along {stop.road}"
 
 

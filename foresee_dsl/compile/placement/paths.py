@@ -16,14 +16,16 @@ from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.language import model as m
 
 BESIDE_M = 2.5
-"""Distance from the middle of all lanes of its edges beyond which the end of a path does not join them, m. Ours: half
-of a wide lane and a margin."""
+"""A path joins edges only if its end is at most this far from the middle of one of their lanes, m. Ours: half of a wide
+lane and a margin.
+"""
 LINE_OVER_M = 5.0
 """Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
 pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
 _SHARPEST = 0.5
-"""Smallest cosine of half the turn at a corner whose offset line is not cut (ours): at sharper corners it is cut at two
-widths, because it would extend far outwards."""
+"""The offset line keeps its corner where the cosine of half the turn is at least this (ours). At a sharper turn the
+corner would extend far outwards, so it is cut at two widths.
+"""
 
 
 def joined_way(

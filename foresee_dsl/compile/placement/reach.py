@@ -64,7 +64,9 @@ def _outline(of: m.Named | m.Place, places: Mapping[m.Place | m.AtStop, XY], net
 
 
 def _size(outline: Points) -> float:
-    """Return the largest distance of the first corner to another, m: a way may pass between two corners."""
+    """Return the largest distance between the first corner and another one, m, because a way may pass between two
+    corners.
+    """
     (x, y), *rest = outline
     return max((math.hypot(a - x, b - y) for a, b in rest), default=0.0)
 

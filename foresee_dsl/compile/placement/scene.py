@@ -412,7 +412,7 @@ class SceneBuilder:
 def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
     """Return the problems without those that only repeat the error of a route, which all places along it have too.
 
-    Of a kind with many problems, most are left out.
+    If there are many problems of one kind, most of them are left out.
     """
     routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
     unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)

@@ -56,7 +56,7 @@ def _without_straight(points: Sequence[XY]) -> list[XY]:
 
 
 def _moved(part: shapely.LineString, left_m: float) -> Sequence[XY]:
-    """Return the corners of the parallel line at a distance."""
+    """Return the corners of the parallel line `left_m` to the left."""
     corners = [(float(x), float(y)) for x, y in part.coords]
     turns = [direction(a, b) for a, b in pairwise(corners)]
     moved: list[XY] = []

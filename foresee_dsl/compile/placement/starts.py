@@ -296,8 +296,8 @@ class StartSearch:
             raise RouteError(f"{name} starts " + measured(f"{match:.1f}") + " m off its route", help)
         k, lane, pos = match
         if ego and k and actor.state is not None:
-            # a clip's ego follows its parent's line; it is a whole lane off that line if the parent began on another
-            # lane than the route alone gives
+            # A clip's ego follows the line of its parent's ego. If the parent began on another lane than the one that
+            # its route alone gives, the clip's ego would be a whole lane off that line.
             line = self._network.line(edges, behind_m=EGO_BEHIND_M, beyond_m=EGO_BEYOND_M, kind=kind)
             s, lateral = line.project(x, y)
             if abs(lateral) < lane.width_m - OTHER_LANE_MARGIN_M:

@@ -15,8 +15,9 @@ from foresee_dsl.compile.roads.route_line import approach
 from foresee_dsl.compile.roads.topology import Crossing, LaneKind, Movement, Topology
 
 HALF_WIDTH_M = 1.0
-"""Half of the width of the bands around centrelines, m: two movements conflict where their bands overlap. It is that of
-a car's body, not of its lane."""
+"""Half of the width of the bands around centrelines, m: two movements conflict where their bands overlap. The bands are
+as wide as a car's body, not as its lane.
+"""
 APPROACH_M = 60.0
 """Length of a foe's approach in the data for drivers, m (ours: at 50 km/h a car covers it in 4.3 s)."""
 
@@ -27,7 +28,7 @@ class Conflict:
 
     Attributes:
         path: way of the foe, [N, 2] m; for vehicles it begins with their approach.
-        entry_s: position of the junction along it, m.
+        entry_s: position along `path` at which the junction begins, m.
         own: first and last position in the conflict area along the movement's own way through the junction, m.
         other: the same along `path`.
         yields: True if the movement must yield to the foe when both may go.

@@ -145,7 +145,8 @@ class RoadNetwork(Topology):
     def nearest_lane(
         self, x: float, y: float, heading_rad: float | None = None, kind: LaneKind = "car", within_m: float = 10.0
     ) -> NearLane | None:
-        """Return the lane (also an internal one) nearest to a point, m, within `within_m`; None if there is none.
+        """Return the lane (also an internal one) that is nearest to a point; None if no lane is within `within_m` of
+        it.
 
         With a heading, only lanes within 60 degrees of it are considered, and similar directions are preferred.
         """

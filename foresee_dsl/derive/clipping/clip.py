@@ -26,9 +26,10 @@ from foresee_dsl.simulate.triggers.record import ActorOrders
 
 _Timed = m.Steers | m.Line | m.Brakes
 DIGITS = 4
-"""Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3, the
-driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 all actors stay within 1 cm, with 6 there is no
-deviation."""
+"""Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3
+decimals, the driver decides differently in 5 of them (and is up to 0.64 m away after 10 s); with 4, all actors stay
+within 1 cm of the run; with 6, there is no deviation.
+"""
 RECORDED_EVERY_S = 0.05
 """Time between the ego's recorded states of a hand-over, s: each frame. Ours: with every second frame the ego is
 millimetres off in between."""
@@ -268,7 +269,9 @@ class _Beginning:
         return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
 
     def _rules(self, k: int, orders: ActorOrders) -> tuple[m.IgnoresRule | m.MeetsState, ...]:
-        """Return the rules that an actor ignores, and the actor that it meets, without junctions that it has passed."""
+        """Return the statements on the rules that an actor ignores and on the actor that it meets, without those about
+        junctions that it has passed already.
+        """
         name = self._trace.actors[k].id
         items: list[m.IgnoresRule | m.MeetsState] = [i for i in self._source(name) if isinstance(i, m.IgnoresRule)]
         items += [m.IgnoresRule(what=i.what, junction=i.junction) for i in orders.ignores]
@@ -344,8 +347,9 @@ class _Beginning:
         return at_once(*again) if again else None
 
     def _ends_keeping(self, k: int) -> m.When | None:
-        """Return the trigger that restores an actor's cruise speed once it has met the actor for which it keeps
-        another."""
+        """Return the trigger that restores an actor's cruise speed once it has met another actor, because until then it
+        keeps another speed.
+        """
         info = self._trace.actors[k]
         orders = self._triggers.orders_of(info.id)
         meets = orders.speed.action if orders.speed else None
@@ -376,8 +380,8 @@ def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State
         at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
         heading=_quantity(heading, "angle"),
         speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` multiplies the speed that the file states
-        # A path-follower's acceleration has no effect, because its speed is prescribed. SUMO continues from that of a
-        # vehicle.
+        # A path-follower's acceleration has no effect, because its speed is prescribed; a vehicle's has, because SUMO
+        # continues from it.
         acceleration=_unless_zero(acceleration, "acceleration") if wheels and on_lanes else None,
         steer=_unless_zero(steer, "angle") if actor == 0 else None,
     )

@@ -60,17 +60,17 @@ class Deviation:
 
     @property
     def share_within(self) -> float:
-        """Return the share of all actors that stayed within 0.1 m."""
+        """Return the share of all actors that stayed within 0.1 m of their places in the parent's run."""
         return share_within(tuple(self.actors.values()))
 
     @property
     def share_others_within(self) -> float:
-        """Return the share of the other actors that stayed within 0.1 m."""
+        """Return the share of the actors without the ego that stayed within 0.1 m of their places in the parent's run."""
         return share_within(self.others_m)
 
 
 def share_within(deviations: Sequence[float]) -> float:
-    """Return the share of deviations (m) within 0.1 m; 1 if there are none."""
+    """Return the share of the deviations (m) that are at most 0.1 m; 1 if there are no deviations."""
     return sum(far <= WITHIN_M for far in deviations) / len(deviations) if deviations else 1.0
 
 

@@ -95,7 +95,8 @@ class Triggers:
             actions = rest.block(when.actions, state.sequence, ())
             while len(actions) == 1 and isinstance(only := actions[0], m.Then) and only.condition is None:
                 actions = only.actions
-            # Without further steps, the orders are resumed for each actor.
+            # Only a rest that has further steps becomes a trigger here. If it has none, its orders are resumed for each
+            # actor separately.
             if any(isinstance(action, m.Then) for action in actions):
                 continuing.append(at_once(*actions))
                 taken |= rest.taken
@@ -227,9 +228,9 @@ class Triggers:
         return action.model_copy(update={field: seconds(left_s)}) if left_s > 1e-6 else None
 
     def _rest_of_stop(self, stop: m.Stops, since_s: float) -> m.Stops | None:
-        """Return the rest of a stop; None if it is over. Its time counts from when the actor stands.
+        """Return the rest of a stop; None if it is over.
 
-        The recorded speeds show since when it stands.
+        The time of a stop counts from the moment at which the actor stands, which the recorded speeds show.
         """
         if not isinstance(stop.duration, m.Quantity):
             return stop
@@ -317,8 +318,8 @@ class _Rest:
                 remaining += self._action(action, state.began_s, (*place, k))
             elif k in state.inner:
                 inner = self.block(action.actions, state.inner[k], (*place, k))
-                # Without further steps inside, the orders need no block of their own: the next step waits for them
-                # either way.
+                # If the inner block has no further steps, its orders need no block of their own, because the next step
+                # waits for them either way.
                 follows = any(isinstance(step, m.Then) for step in inner)
                 remaining += [m.Then(actions=inner)] if follows else inner
             else:

@@ -47,25 +47,26 @@ class ValueGrid:
 
     @property
     def count(self) -> int:
-        """Number of the unmutated value."""
+        """Index of the unmutated value."""
         return math.ceil(abs(self.now - self.was) / self.step)
 
     def value(self, k: int) -> Decimal:
-        """Return the value with a number; negative numbers lie beyond NOW."""
+        """Return the value at index `k`; values at negative indices lie beyond the mutated one."""
         return self.now - k * self.step if self.now > self.was else self.now + k * self.step
 
     def changed(self, k: int) -> m.Change:
-        """Return the change with the value of a number."""
+        """Return the change with the value at index `k`."""
         return self.change.model_copy(update={"now": m.Quantity(value=self.value(k), unit=self.unit)})
 
 
 def nearest(trials: Trials, candidate: TrialCandidate, index: int, *, look_beside: bool = False) -> TrialCandidate:
-    """Return the candidate with the number of one change as near to its `was` value as still fails, by bisection.
+    """Return the candidate with the number of one change moved towards its `was` value as far as the mutant still
+    fails.
 
-    A change without a number (a model swap) stays. The value next to the result does not fail; values beyond it are not
-    tried. Of the `NEIGHBOURS` larger values, all fail too: where one passes, the failing values are in several regions,
-    and the search goes on beyond it, towards the mutated value. If there is no stable region, the result is the edge
-    with the most failing neighbours.
+    A change without a number (a model swap) stays. The number is found by bisection. The next value towards `was` does
+    not fail, and values beyond that one are not tried. The `NEIGHBOURS` next values on the other side all fail: if one
+    of them passed, the failing values would lie in several regions, and the search would go on beyond it, towards the
+    mutated value. If there is no stable region, the result is the edge with the most failing neighbours.
 
     Args:
         look_beside: try the next value first; if it does not fail, the search ends.
@@ -85,9 +86,10 @@ def nearest(trials: Trials, candidate: TrialCandidate, index: int, *, look_besid
 
 
 def stable_edge(high: int, fails: Callable[[int], bool]) -> int:
-    """Return the largest number, found by bisection, whose `NEIGHBOURS` next smaller numbers fail as it does.
+    """Return, by bisection, the largest index at which the value fails and also fails at the `NEIGHBOURS` next smaller
+    ones.
 
-    If there is none, return the number with the most such neighbours. 0 must fail, and `high` must not.
+    If there is none, return the index with the most such neighbours. Index 0 must fail, and `high` must not.
     """
     edges: list[tuple[int, int]] = []  # number of neighbours that fail, and the edge
     while True:

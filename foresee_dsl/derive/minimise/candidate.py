@@ -205,8 +205,8 @@ _NOTHING = (m.Wait(duration=m.Quantity.of(0.0, "time", 2)),)
 
 
 def _moved(change: m.Change, before: m.Clip, after: m.Clip, later_s: float) -> m.Change:
-    """Return a change for a clip that begins later: at the same time of the run, and from the actor's value at that
-    time.
+    """Return a change for a clip that begins later. It acts at the same time of the run as before, and its old value is
+    the one that the actor has at the clip's new beginning.
     """
     if isinstance(change.start, m.Quantity) and later_s:
         start = m.Quantity.of(max(0.0, change.start.si - later_s), "time", 2)

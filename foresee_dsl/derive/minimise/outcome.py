@@ -74,7 +74,7 @@ class Boundary:
 
     @property
     def sharp(self) -> bool:
-        """Return whether the two values are one step apart."""
+        """Return whether `also_fails` and `passes` are one step apart."""
         return abs(self.also_fails - self.passes) < 1.5 * self.step
 
     @property

@@ -31,8 +31,9 @@ _STARTS_EVERY_S = 0.5
 """Time between the beginnings that are tried, s. Ours: ten in the 5 s before a risky point, so bisection needs four
 runs."""
 _RESERVE = 31
-"""Number of runs that are kept for the reductions after that of the actors. Ours: 7 for a number, 3 for its neighbours,
-12 to shorten, 4 for signals and triggers, 5 for the boundary."""
+"""Number of runs that are kept for the reductions that follow the removal of actors. Ours: 7 for a number, 3 for its
+neighbours, 12 to shorten, 4 for signals and triggers, 5 for the boundary.
+"""
 
 
 def reduce(trials: Trials, whole: TrialCandidate) -> TrialCandidate:

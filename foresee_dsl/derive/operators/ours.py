@@ -58,7 +58,7 @@ class TimingShift(Shift):
     name = property = "timing"
 
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return factors, within what the model can drive."""
+        """Return the factors at which the model does not exceed its maximum speed."""
         settings = preset.timing
         if situation.driven_m(target) < settings.least_way_m:
             return ()

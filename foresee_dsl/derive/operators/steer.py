@@ -45,7 +45,7 @@ class Steer(Numeric):
         return multiples(low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
 
     def to(self, situation: Situation, target: str, preset: Preset, value: float) -> tuple[Change, ...]:
-        """Return the change to an allowed offset: from the onset, for the preset's `hold_s`."""
+        """Return the change to an allowed offset, which begins at the onset and lasts for the preset's `hold_s`."""
         settings, onset_s = preset.steer, _onset_s(situation, preset.steer)
         begins = onset_s > 0 or settings.before_point_s is not None
         when = {
@@ -55,8 +55,8 @@ class Steer(Numeric):
         return tuple(change.model_copy(update=when) for change in self.changed(situation, target, value))
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return the track with each recorded step turned by the heading that the offset adds while it is held; later
-        this heading decays.
+        """Return the track in which each recorded step is turned by the heading that the offset has added so far; once
+        the offset is over, this added heading decays.
         """
         trace, actor, models = run
         spec, share = models[trace.actors[actor].model], change.now.si if isinstance(change.now, Quantity) else 0.0
@@ -82,7 +82,9 @@ class Steer(Numeric):
 
 
 def _onset_s(situation: Situation, settings: SteerSettings) -> float:
-    """Return when the steering begins, s: as it is proposed, or else as the preset says (by default with the clip)."""
+    """Return the time at which the steering begins, s: the proposed one; if none is proposed, the preset's (by default
+    0).
+    """
     if situation.onset_s is not None:
         return situation.onset_s
     before_s = settings.before_point_s

@@ -211,7 +211,7 @@ class Rolling:
                     yield RolledChange(onset, actor, operator), np.array(values, dtype=np.float64)
 
     def moment(self, onset: int) -> Situation:
-        """Return a frame as the situation at the beginning of a clip that is not cut yet."""
+        """Return the situation at a frame at which a clip would begin, without cutting the clip."""
         frames = round((self.settings.paced_s + _AFTER_POINT_S) / STEP_S) + 1
         return _Moment(
             clip=self.clip, trace=self.trace.part(onset, onset + frames), frame=round(self.settings.looks_s / STEP_S),

@@ -218,7 +218,7 @@ class _Place:
         yield self.fix("Add `}`", end, end, " }")
 
     def moved_in(self) -> Iterator[Fix]:
-        """Yield the edit that moves a statement behind a block into it."""
+        """Yield the edit that moves a statement from behind a block into that block."""
         around = self._around()
         beside = (around[-2].block or []) if len(around) > 1 else self._statements
         k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
