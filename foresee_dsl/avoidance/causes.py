@@ -98,10 +98,10 @@ class Diagnosis:
     """Which part of a driver causes a failure.
 
     Attributes:
-        driver, seed: of the failing run. verdict, reason: how it ended.
+        driver, seed: those of the failing run. verdict, reason: how it ended.
         declared: the parts that can be replaced. runs: the runs with ideal parts, in the order in which they were made.
         cause: the part, or the smallest combination, with which the failure goes away; () if none.
-        seen: what ideal perception shows earlier, in words; "" if it is not about that.
+        seen: what ideal perception shows earlier, in words; "" if perception is not part of the cause.
     """
 
     driver: str
@@ -151,9 +151,9 @@ def diagnosed(
 ) -> Diagnosis:
     """Return which of a driver's parts causes its failure.
 
-    Each part is replaced alone. If several suffice, the cause is the first of `ORDER`. Only
-    if none does, all parts are replaced together, then each pair; else parts are taken back one by one as long as the
-    rest suffices.
+    First, each part is replaced alone. If several suffice, the cause is the one that comes first in `ORDER`. If none
+    suffices, all parts are replaced together. If that helps, each pair is tried; if no pair helps, the parts are put
+    back one by one as long as the rest suffices.
 
     Args:
         failed: the failing run. bundle: its compiled test case. drive: drives it again. declared: the driver's parts.

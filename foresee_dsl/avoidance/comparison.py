@@ -1,6 +1,6 @@
 """Compares a failing driver with a passing one in one test case.
 
-Did both meet the same situation, and what differed?
+It tells whether both met the same situation, and what they did differently.
 
 A driver avoids a failure if it meets the same situation and reacts to it. The comparison is made at the moment from
 which the failing driver could foresee the conflict (`avoidance.anticipating.foresight`). Both drivers are in the same
@@ -35,17 +35,17 @@ SAME_PLACE_M = 3.0
 """Two places that are at most this far apart are the same, m. Ours: a lane's width."""
 SAME_TIME_S = 1.0
 """Two egos that would come to the place of the failure within this time of each other meet the same situation, s. Ours:
-about R157's time for perceiving and beginning to brake, 1.15 s: more than that is not made up by reacting."""
+about R157's time for perceiving and beginning to brake, 1.15 s: a larger difference is not made up by reacting."""
 LOOKS_ON_S = 3.0
 """A reaction is looked for up to this long after the failure, s. Ours: a car stops from 50 km/h in 2 s."""
 EARLIER_S = 0.2
 """The smallest difference in time that is mentioned, s. Ours: two decisions of a driver that plans at 10 Hz."""
 SLOWER_MPS = 0.5
-"""The smallest difference in speed that is mentioned. Ours: 2 km/h."""
+"""The smallest difference in speed that is mentioned, m/s. Ours: 2 km/h."""
 HARDER_MPS2 = 1.0
 """The smallest difference in braking that is mentioned, m/s^2. Ours: releasing the accelerator makes as much."""
 ASIDE_M = 0.3
-"""The smallest lateral difference that counts as evading. Ours: twice the sensors' error in position."""
+"""The smallest lateral difference that counts as evading, m. Ours: twice the sensors' error in position."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Comparison:
     Attributes:
         how: the passing driver's reactions, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
         apart: why the two cannot be compared, in words; "" if the passing driver avoids the failure.
-        met: whether it met the same situation, also where it drives nearly the same way.
+        met: whether it met the same situation; also True if it reacts in nearly the same way as the failing driver.
     """
 
     how: tuple[str, ...] = ()
@@ -68,7 +68,8 @@ def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSe
 
     Args:
         failed: a run that ended with a failure, its last frame. passed: another driver's run of the same test case.
-        bundle: the compiled test case. sensors: of the passing driver, which decide when it could foresee the conflict.
+        bundle: the compiled test case. sensors: the sensors of the passing driver; they decide when it could foresee
+            the conflict.
     """
     impact = contact_of(failed)
     if impact is None:
@@ -121,7 +122,7 @@ class _Compared:
         return max(self._end - frame, 0) * STEP_S if far[frame] <= SAME_PLACE_M else 0.0
 
     def _onset_frame(self, other: int) -> int | None:
-        """Return the first frame of the failing run at which these sensors show the conflict; None if none."""
+        """Return the first frame of the failing run at which these sensors show the conflict; None if they never do."""
         failed, bundle = self._failed, self._bundle
         way = Way(failed, bundle.scene.ego.line)
         seen_s = onset(failed, way, other, sight_of(failed, bundle, self._sensors), priority_ways(mission_of(bundle)))
@@ -146,9 +147,8 @@ class _Compared:
         return f"it would come there {abs(ahead_s):.1f} s {'earlier' if ahead_s > 0 else 'later'} in any case"
 
     def _place(self, ego: FloatArray) -> tuple[float, float]:
-        """Return the place of an ego relative to the failing ego's path.
-
-        The length along it, and the distance to its left, m.
+        """Return the place of an ego relative to the failing ego's path: the length along the path, and the distance to
+        its left, m.
         """
         way = self._failed.states[:, 0]
         far = np.hypot(way[:, X] - ego[X], way[:, Y] - ego[Y])

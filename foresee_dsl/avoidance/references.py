@@ -44,7 +44,7 @@ class ReferenceRun:
     def avoids(self) -> bool:
         """Whether the run shows that the failure could be avoided: same situation, a reaction, and both runs pass.
 
-        Both runs are that of the mutant and that of the unmutated clip.
+        The two runs are that of the mutant and that of the unmutated clip.
         """
         return self.passes and not self.apart and self.before in (None, Verdict.PASS)
 

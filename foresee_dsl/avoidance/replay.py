@@ -2,7 +2,7 @@
 
 It follows a recorded run exactly, and may brake from a given time on along the recorded path.
 
-The judges that drive a failure again (`r157`, `anticipating`) use it, and the recorded path by length.
+The judges that drive a failure again (`r157`, `anticipating`) use it, and `RecordedPath`.
 """
 
 from __future__ import annotations

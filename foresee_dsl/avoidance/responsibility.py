@@ -1,6 +1,6 @@
 """Judges whose failure it is (the driver's, arguable, unavoidable, or the tool's) and gives the reason in one line.
 
-docs/guide/findings.md states them for readers, with the measured error.
+docs/guide/findings.md explains these judgements for users, with their measured error.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ REACTION_S = EVALUATION_S + DELAY_S
 """Time that a driver needs from the first sign of a conflict until it brakes, 1.15 s: R157's evaluation and delay."""
 STOOD_S = 0.5
 """An ego that had stood for at least this long has not run into an actor on foot or on a bicycle, s. Ours: a shorter
-stop is not a stop to a passenger either (`story.ego`). For vehicles it is `REACTION_S`: with 0.5 s a van that pulled
-out in sight, into an ego that had accelerated until 1.7 s before, counted as unavoidable; three readers disagreed."""
+stop is not a stop to a passenger either (`story.ego`). If the other actor is a vehicle, `REACTION_S` is used instead.
+With 0.5 s, the contact with a van that pulled out in sight, into an ego that had accelerated until 1.7 s before,
+counted as unavoidable, and three people who reviewed it disagreed.
+"""
 LOOKED_S = 2.0
 """An actor that breaks a rule or is steered into the ego leaves nothing to decide if it is in sight for less than this,
 s. R157's critical time to collision."""
@@ -57,7 +59,7 @@ class Whose(StrEnum):
 
 
 FOLDED = (Whose.UNAVOIDABLE, Whose.TOOL)
-"""Judgements whose failures are only counted in reports at first, because nothing follows from them for the driver."""
+"""Reports at first only count the failures with these judgements, because nothing follows from them for the driver."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,8 @@ def responsibility_of(
     """Return whose failure a run is.
 
     Args:
-        story: of the run. verdict: of the run, a failure. judgements: of the judges. references: runs of other drivers.
+        story: what happened in the run. verdict: the verdict of the run, which is a failure. judgements: those of the
+            judges. references: runs of other drivers.
     """
     answers, runs = tuple(judgements), tuple(references)
     return next(_rules(story, verdict, answers, runs))
@@ -181,9 +184,8 @@ def _late(story: Story) -> Iterator[Responsibility]:
 
 
 def _unseen(story: Story) -> Iterator[Responsibility]:
-    """Yield the judgement of the other cases.
-
-    The actor was seen or moved too late, so only a slower ego could avoid it.
+    """Yield the judgement of the other cases: the actor was seen or moved too late, so only a slower ego could have
+    avoided it.
     """
     grounds, other = story.grounds, quoted(story.opponent) if story.opponent else "the other"
     if grounds.seen_s < REACTION_S:

@@ -86,8 +86,9 @@ class _Commands(TyperGroup):
         return super().list_commands(ctx)
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - as above
-        """Return a command, or None if there is none of this name; for another package's command its line of the
-        help."""
+        """Return a command, or None if there is none of this name; a command of another package is returned only as its
+        line in the help.
+        """
         del ctx
         if cmd_name not in self._table:
             return self.commands.get(cmd_name)

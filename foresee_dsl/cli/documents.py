@@ -47,7 +47,7 @@ from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
 
 _STANDING = {"standing": NotRequired[shape(Standing)]}
-"""Key that `foresee campaign` prints and `campaign.json` does not have."""
+"""The key that `foresee campaign` prints but `campaign.json` does not have, with its type."""
 _PROFILE = {"profile": NotRequired[shape(Profile)]}
 """The keys that are present only with `--profile`, with their types."""
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

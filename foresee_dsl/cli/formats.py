@@ -36,7 +36,7 @@ class _Formats(TyperGroup):
         super().__init__(**settings)
         # Formats of missing plug-ins are listed too, and say how to install them.
         names = sorted({*self.plugins.names(), *self.plugins.missing()})
-        self.commands = dict.fromkeys(names, cast("Any", None))  # the names, for "did you mean"
+        self.commands = dict.fromkeys(names, cast("Any", None))  # the names that "did you mean" may suggest
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
         """Return the command of a format, or None if there is none of this name."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from foresee_dsl.report.show.sources import ShownRun, Wish
 
 _BOTH_WIDE = 110
-"""Width of the terminal, in columns, from which two moments each of a mutant and its parent fit side by side."""
+"""Width of the terminal, in columns, from which two moments of a mutant and two of its parent fit side by side."""
 
 
 class Picture(StrEnum):

@@ -92,8 +92,9 @@ def triage(
 
 
 def _check_here(test_case: str, file: Path, campaign: Path) -> None:
-    """Raise if a finding's test case is not below this folder or its project, so that its file would be another
-    one."""
+    """Raise if a finding's test case is not below this folder or its project, because its triage file would then be
+    that of another project.
+    """
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.language.project.addresses import absolute, is_file, is_inside, project_folder
 

@@ -33,10 +33,12 @@ class DrivingStyle:
 STYLES: Mapping[str, DrivingStyle] = MappingProxyType(
     {
         # Impatience: a vehicle that goes first should not have to brake with more than 3.4 m/s^2 (VCRT articles 1(aa)
-        # and 18, AASHTO 3.2.2, as the rule `priority`). Ours: with `pdm` at 40 km/h on the main road it brakes with up
-        # to 2.4 m/s^2 with 0.45, 3.6 m/s^2 with 0.5, 7.2 m/s^2 with 1. Lane changes: SUMO's default halved; ours.
+        # and 18, AASHTO 3.2.2, as the rule `priority`). Ours: `pdm`, which drives at 40 km/h on the main road, brakes
+        # with up to 2.4 m/s^2 if the impatience is 0.45, with 3.6 m/s^2 if it is 0.5, and with 7.2 m/s^2 if it is 1.
+        # Lane changes: half of the gaps that SUMO requires by default; ours.
         "takes_gap": DrivingStyle(impatience=0.45, assertive=2.0),
-        # UN R157, annex 4, appendix 3: a careful driver brakes with 0.774 g in need. Models plan with about 4.5 m/s^2.
+        # UN R157, annex 4, appendix 3: a careful driver brakes with 0.774 g in an emergency. The models themselves plan
+        # to brake with about 4.5 m/s^2.
         "brakes_late": DrivingStyle(braking_mps2=0.774 * GRAVITY_MPS2),
         # Ours: half of the least that drivers find comfortable, 1.5 m/s^2 to 2 m/s^2 in the literature from 1938 to
         # 2010 (review by C. Murdoch, Hawkins, "Acceleration from rest").

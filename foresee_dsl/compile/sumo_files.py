@@ -40,12 +40,15 @@ SPEED_SLACK = 0.001
 """Amount added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
 LATERAL_RESOLUTION_M = 0.2
 """Width of SUMO's sublanes in a scenario with an actor that passes within its lane, m. Ours: a bicycle of 0.65 m passes
-a car of 1.8 m in a lane of 3.5 m with all of 0.1, 0.2, 0.4 and 0.8 m; with 0.1 m it also passes in one of 3.2 m, with
-5 cm between them, with the others it does not."""
+a car of 1.8 m in a lane of 3.5 m with each of the widths 0.1, 0.2, 0.4 and 0.8 m. In a lane of 3.2 m it passes only
+with 0.1 m, and is then 5 cm away from the car.
+"""
 SIDEWAYS_MPS2 = 20.0
-"""Lateral acceleration and braking of SUMO's vehicles in such a scenario, m/s^2. Ours: they reach SUMO's lateral speed
-of 1 m/s within one step, so that the next step depends only on positions and speeds, which a clip holds. With SUMO's
-1 m/s^2 a clip cut while a bicycle moves aside was off by 0.9 to 1.5 m within 8 s; with this by less than 0.1 mm."""
+"""Lateral acceleration and braking of SUMO's vehicles in a scenario with an actor that passes within its lane, m/s^2.
+Ours: they reach SUMO's lateral speed of 1 m/s within one step, so that the next step depends only on positions and
+speeds, which a clip holds. With SUMO's 1 m/s^2 a clip cut while a bicycle moves aside was off by 0.9 to 1.5 m within 8
+s; with this by less than 0.1 mm.
+"""
 _SUBLANES: Mapping[str, float] = MappingProxyType(
     {
         "maxSpeedLat": 1.0,  # SUMO's default, and the lateral speed of our lane changes (`kernels.sumo_traffic`)

@@ -1,6 +1,7 @@
 """Ideal parts of the bundled drivers.
 
-Memories take the truth in the place of tracking and of seen signals; predictions take the others' true futures.
+The ideal memories take the truth in the place of tracked objects and of seen signals; the ideal predictions take the
+true futures of the others.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from foresee_dsl.kernels.arrays import Records
 
 _KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
 NO_FUTURES: FloatArray = np.empty((0, 0, 4))
-"""The futures that are passed to kernels when the prediction is not ideal: none."""
+"""The empty array of futures that is passed to kernels when the prediction is not ideal."""
 
 
 class SignalReader(Protocol):

@@ -218,7 +218,8 @@ class Reason:
     Attributes:
         rule: a word or two: `signal`, `right of way`, `pedestrian`, `distance`, ...
         text: the reason in words, without the object's name: `has priority at mill_oak`.
-        track, signal: the object's number in the object list, the key of a signal; None: it is about neither.
+        track, signal: number of the object in the object list, or key of the signal, that the reason is about;
+            otherwise None.
         acceleration_mps2: acceleration for this reason alone, m/s^2. distance_m: distance from the ego's front to the
             object, or to the place where the ego waits; None: unknown.
     """

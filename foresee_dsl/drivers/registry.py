@@ -40,9 +40,8 @@ class DriverInfo:
     """An entry of the list of drivers.
 
     Attributes:
-        version: empty if the driver cannot be created; then `doc` states the reason. unavailable: whether it only needs
-            a
-            package or weights that are not installed.
+        version: empty if the driver cannot be created; then `doc` states the reason. unavailable: whether the driver is
+            sound and only needs a package or weights that are not installed.
     """
 
     name: str
@@ -201,7 +200,7 @@ def _describe(name: str) -> DriverInfo:
         return DriverInfo(name, "", str(err), package, isinstance(err, DriverUnavailableError))
     kind = driver if isinstance(driver, type) else type(driver)
     doc = (kind.__doc__ or "").strip().splitlines()
-    version = getattr(driver, "version", "")  # a class whose objects have one need not have it itself
+    version = getattr(driver, "version", "")  # the class need not have a version, even if its objects have one
     return DriverInfo(name, version if isinstance(version, str) else "", doc[0] if doc else "", package)
 
 

@@ -1,7 +1,7 @@
 """The memory of drivers: smooth tracks of the others from noisy and late object lists, and the colours of signals.
 
 Each object has a filter with the gains of a Kalman filter for heading and yaw rate, for speed and acceleration, and for
-the position, which these advance. The gains come from tables, by the number of measurements of the object: no
+the position, which the first four advance. The gains come from tables, by the number of measurements of the object: no
 covariance is stored. All objects are advanced together, in arrays. Tracks depend only on the observations since
 `reset`.
 """
@@ -288,7 +288,8 @@ def _pair_gains(noise: float, drift: float, start_rate: float, rate_change: floa
 
     Args:
         noise: standard deviation of a measurement of the value. drift: additional drift of the value in a step.
-        start_rate: standard deviation of the rate at the beginning. rate_change: of its change in a step. dt: step, s.
+        start_rate: standard deviation of the rate at the beginning. rate_change: standard deviation of the change of
+            the rate in a step. dt: duration of a step, s.
     """
     value, both, rate = noise * noise, 0.0, start_rate * start_rate  # the value after the first measurement
     gains = [(1.0, 0.0)]

@@ -126,7 +126,9 @@ def slots(text: str, terminals: tuple[str, ...]) -> Iterator[Slot]:
 
 
 def _following(text: str, terminal: str) -> tuple[str, ...]:
-    """Return the terminals that may follow a probe, the shortest way to an end first; for values only that one."""
+    """Return the terminals that may follow a probe; the one that leads to an end in the shortest way comes first, and
+    is the only one for values.
+    """
     state = _probed(text, terminal)
     ranked = _ranked(state) if state is not None else []
     return tuple(ranked if terminal in ("NAME", "STRING", "DOTTED") else ranked[:1])

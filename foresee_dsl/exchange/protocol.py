@@ -69,7 +69,7 @@ OutFolder = Annotated[Path, Option("The folder to write into.", ("--out",))]
 AllowOutside = Annotated[
     bool, Option("Allow files to use other files outside the project folder.", ("--allow-outside",))
 ]
-"""The type of a field `allow_outside`, with which files may name files outside their project folder."""
+"""The type of a field `allow_outside`, an option that permits files to name files outside their project folder."""
 
 
 def options_of(run: Format[Any]) -> type[Any]:

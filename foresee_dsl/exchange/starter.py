@@ -81,7 +81,7 @@ class Ground:
 
     Attributes:
         file: the map's name, for messages. roads: its network. signals: the junctions whose signal has a program.
-        bridges: places where its roads go over others. geometry: faults of its lines. notes: on its conversion.
+        bridges: places where its roads go over others. geometry: faults of its lines. notes: notes on its conversion.
     """
 
     file: str

@@ -67,7 +67,8 @@ class DriveAhead(Replay):
         self._free_from = round(self.from_s / STEP_S)
         self._info = trace.actors[0]
         self._before: dict[int, SeenActor] = {}
-        # By track number, s: when it was first in conflict, when it last was, and the time from which the driver acts.
+        # Times by track number, s: when the actor was first in conflict, when it last was, and from when the driver
+        # acts.
         self._noticed: dict[int, float] = {}
         self._met: dict[int, float] = {}
         self._acts: dict[int, float] = {}
@@ -231,7 +232,7 @@ class DriveAhead(Replay):
 def _needed(ego: PredictedEgo, other: Other, within_s: float) -> float:
     """Return the braking for an actor that enters the ego's path in `within_s`, m/s^2.
 
-    Comfortable, or harder if needed.
+    The braking is comfortable, or harder if that is needed.
     """
     _, _, heading = ego.way.at(np.array([ego.along_m]))[0].tolist()
     with_mps = max(other.speed_mps * math.cos(other.heading_rad - heading), 0.0)

@@ -1,6 +1,6 @@
 """Assesses a failure for the anticipating driver.
 
-Tries manoeuvres in order, confirms them by runs, and words the answer.
+It tries manoeuvres in order, confirms them by runs, and words the answer.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ class ForeseenConflict:
 def horizon_s(speed_mps: float) -> float:
     """Return the time for which other actors are predicted, s.
 
-    Until the ego would stand or have crossed the junction.
+    The time lasts until the ego would stand or would have crossed the junction.
     """
     return max(FORESEES_S + speed_mps / COMFORTABLE_MPS2, GAP_ACCEPTED_S)
 
@@ -155,7 +155,7 @@ def conflicts(ego: PredictedEgo, others: list[Other]) -> list[ForeseenConflict |
 def _counts(ego: PredictedEgo, at: FloatArray, other: Other, turns: bool) -> bool:
     """Return whether another road user matters.
 
-    It is ahead of the ego's rear, or behind and beside an ego that turns.
+    It matters if it is ahead of the ego's rear, or if it is behind and beside an ego that turns.
     """
     cos, sin, dx, dy = math.cos(at[2]), math.sin(at[2]), other.x - at[0], other.y - at[1]
     beside = abs(dy * cos - dx * sin) > (ego.width_m + other.width_m) / 2

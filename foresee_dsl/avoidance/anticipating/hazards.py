@@ -1,6 +1,6 @@
 """Finds hazards for which an anticipating driver slows early.
 
-Hidden places, pedestrians at the kerb, buses at stops.
+These are hidden places, pedestrians at the kerb, and buses at stops.
 
 A walker who steps out from a place beside the way, a distance g from the ego's side, needs g / v_walk to be in the way.
 A driver with speed v who reacts after t and brakes with b either stands before the place, or is past it in time, if v
@@ -62,7 +62,7 @@ class Hazard:
 def careful_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
     """Return the largest speed, m/s, at which a walker who steps out from beside the path is not hit.
 
-    At least the minimum.
+    It is never lower than `slowest_mps`.
     """
     return max(2 * HARDEST_MPS2 * (gap_m / walks_mps - EXPECTED_REACTION_S), slowest_mps)
 

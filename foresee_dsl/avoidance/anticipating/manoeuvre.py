@@ -30,7 +30,7 @@ class Plan:
 
     Attributes:
         begins_s: until then the ego drives as recorded. braking_mps2: its braking from then on; 0 for none.
-        sideways_m: how far it evades, left positive. stops_s: from when on it brakes comfortably to a stop.
+        sideways_m: how far it evades, left positive. stops_s: time from which it brakes comfortably to a stop.
     """
 
     begins_s: float

@@ -1,9 +1,9 @@
 """Screens thousands of manoeuvres in milliseconds.
 
-Which ones would prevent a failure if the others moved as recorded?
+It finds those that would prevent a failure if the others moved as recorded.
 
-Others move as recorded, and after the run's end keep their last motion. The manoeuvres that pass are driven in the real
-simulation, where others react.
+The others move as recorded, and keep their last motion after the run's end. The manoeuvres that pass the screening are
+then driven in the real simulation, where others react.
 """
 
 from __future__ import annotations

@@ -77,8 +77,10 @@ SLOWEST_MPS = 30 / 3.6
 """Lowest speed to which the driver slows for hazards, m/s. Ours, after the zones of 30 km/h in which such streets
 lie."""
 SLOWEST_AT_BUS_MPS = 20 / 3.6
-"""The same past a bus at its stop, or past a stopped vehicle with people near it. Ours: German law (StVO 20) requires a
-speed at which one can stop for a person who steps out, and walking pace past a bus with its hazard lights on."""
+"""Lowest speed to which the driver slows past a bus at its stop, or past a stopped vehicle with people near it, m/s.
+Ours: German law (StVO 20) requires a speed at which one can stop for a person who steps out, and walking pace past a
+bus with its hazard lights on.
+"""
 HEADWAY_S = 2.0
 """Headway behind another vehicle, s: the two-second rule of The Highway Code (UK), rule 126."""
 HARDEST_MPS2 = 7.0

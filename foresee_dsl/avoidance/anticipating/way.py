@@ -37,7 +37,7 @@ class Way(RecordedPath):
             self._continue(states[-1], line, trace.actors[0].wheelbase_m)
         grid = np.arange(0.0, float(self._marks[-1]) + _SPACING_M, _SPACING_M)
         self._grid, self._grid_poses = grid, self.at(grid)
-        # Where the ego stood, the speed at this place is taken to be that of driving on.
+        # At a place where the ego stood, its speed counts as that with which it drove on.
         self._fastest = _widened(self.along, self.recorded_mps)
 
     def _continue(self, last: FloatArray, line: RouteLine, wheelbase_m: float) -> None:

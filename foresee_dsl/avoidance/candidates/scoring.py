@@ -44,7 +44,9 @@ SUDDEN, SUDDEN_S = 0.5, 0.7
 time left, a third of it with the second number of seconds left. Ours: `pdm` hits with its side a walker who steps into
 its way within a second."""
 _HITS = 0.3
-"""Probability of a hit for a miss of zero distance; that of a contact is 1. Ours."""
+"""Probability of a hit if the roll-out misses the ego by zero distance; if it shows a contact, the probability is 1.
+Ours.
+"""
 LEAST_SHARE = 0.2
 """Factor on the score if none of the careful drivers avoids the contact. Ours: in a trial other drivers avoided such
 contacts too, but fewer."""
@@ -52,11 +54,14 @@ IN_LINE_RAD, IN_LINE_M = math.radians(25), 1.2
 """Largest differences in heading and in lateral position for an actor to be in the ego's line. Ours: half a car's width
 and a little. Of 30 actors that braked there ahead of `pdm`, and that a driver that reacts did not hit, none was hit."""
 SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
-"""Weights of `BLIND` and of each of `DRIVES`. Ours: a candidate that hits a prompt driver fails in the simulation; one
-in twenty fails of those that hit only a driver that is late or does not react."""
+"""Weights of `BLIND` and of each of `DRIVES`. Ours: a candidate that hits a prompt driver fails in the simulation; of
+those that hit only a driver that is late or does not react, one in twenty fails.
+"""
 PROMISING = 0.1
-"""Score of the best candidate below which a moment is not promising. Ours, on the even half: in 260
-clips whose best was below 0.12, 1 of 268 children failed, in the other 161 clips 62 of 373."""
+"""Score of the best candidate below which a moment is not promising. Ours, chosen on the even half of the test cases:
+in the 260 clips whose best candidate had a score below 0.12, 1 of 268 children failed; in the other 161 clips, 62 of
+373 failed.
+"""
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
 _CAREFULLY = np.array([BLIND, *CAREFUL], dtype=dtype_of(Style))
@@ -102,7 +107,7 @@ def _ways(avoidable: float) -> str:
 def endings(run: RecordedRun, candidates: Sequence[Candidate]) -> Records:
     """Return how candidates end, [C, S].
 
-    Against the driver `BLIND`, against those of `DRIVES`, and against those of `CAREFUL`.
+    The S drivers are `BLIND`, then those of `DRIVES`, then those of `CAREFUL`.
     """
     rolled = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(RollOutEnding))
     if candidates:

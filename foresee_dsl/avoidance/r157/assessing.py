@@ -45,9 +45,11 @@ class Preventability:
 
     Attributes:
         verdict: whether it was preventable. why: a sentence for people.
-        struck: which of the two struck the other, in words such as `runner struck the ego`; "" without a contact.
+        struck: whether the ego or the other actor struck the other one, in words such as `runner struck the ego`; ""
+            without a contact.
         impact_mps: relative speed at the failure's contact, m/s; None without a contact.
-        perceived_s: when the risk was perceived; None if it was not. braked_s: when braking began; None without it.
+        perceived_s: when the risk was perceived; None if it was not. braked_s: when braking began; None if it did not
+            begin.
         braked_impact_mps: relative speed at the contact in spite of braking, m/s; None without a contact.
     """
 

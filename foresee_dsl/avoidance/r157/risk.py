@@ -37,8 +37,9 @@ WANDER_M = 0.375
 HARD_BRAKING_MPS2 = 5.0
 """Braking that is assumed for the latest moment at which a risk is seen, m/s^2: then evaluation, delay and this braking
 just reduce the ego's speed to the other's. Ours, after R157's emergency manoeuvre (over 5 m/s^2; its clause was not at
-hand). With 2 s alone, the ego would hit an object that stands on a clear road from 8.5 m/s upwards (0.85 s are then 7.2
-m)."""
+hand). If only `CRITICAL_TTC_S` counted, an ego that drives at 8.5 m/s or faster would hit an object that stands on a
+clear road, because only 0.85 s (7.2 m) remain for braking.
+"""
 MERGES_RAD = math.pi / 4
 """Angle to the ego's heading below which a vehicle that crosses the ego's line is expected to stay on it (a cut-in, for
 which R157 takes the time to collision along the lane). Ours: the bound of the same direction in

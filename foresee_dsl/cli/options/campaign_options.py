@@ -82,9 +82,9 @@ class Flags:
         str | None,
         typer.Option(
             metavar="DRIVERS",
-            help="Reference drivers that also drive every failure, separated by commas, for example idm,pdm+ideal (put a "
-            "name that contains a comma in double quotes); `none` for no reference drivers. By default idm, frenetix, "
-            "pdm, and the driver itself with ideal sensors.",
+            help="Reference drivers that also drive every failure, separated by commas, for example idm,pdm+ideal (put "
+            "a name that contains a comma in double quotes); `none` for no reference drivers. By default idm, "
+            "frenetix, pdm, and the driver itself with ideal sensors.",
             show_default=False,
         ),
     ] = None

@@ -65,7 +65,8 @@ _OutputOption = Annotated[
 
 
 def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """Return a command with `--output` that reports errors as JSON if JSON was requested; other commands unchanged.
+    """Return a command with the option `--output`, which also reports errors as JSON if JSON was requested. A command
+    without output for tools is returned unchanged.
 
     Typer reads a function's signature, so the option is added to the signature.
     """

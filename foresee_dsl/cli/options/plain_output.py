@@ -67,12 +67,14 @@ def exact() -> IO[str]:
 
 
 NO_READER = 141
-"""Exit code after the reader of the output has gone (`| head`), as a shell reports for a program that SIGPIPE ends.
-The signal itself would also end a campaign when the process of a driver closes its pipe."""
+"""Exit code if the reader of the output has gone (`| head`): the same that a shell reports for a program that SIGPIPE
+ends. The signal itself would also end a campaign when the process of a driver closes its pipe.
+"""
 
 
 class _UntilClosed(io.FileIO):
-    """A standard stream: the first write without a reader ends the command quietly, later ones are dropped.
+    """A standard stream: the first write after its reader has gone ends the command quietly, and later ones are
+    dropped.
 
     Typer and rich catch a closed pipe themselves and exit with 1 (seen in typer 0.29 and rich 15), so this class raises
     `SystemExit` instead of `OSError`.
@@ -97,7 +99,7 @@ class _UntilClosed(io.FileIO):
 
 def guard_streams() -> None:
     """Replace this process's standard output and error by streams that make text harmless, and that end the process
-    quietly when nobody reads them any more.
+    quietly once they have no reader any more.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)

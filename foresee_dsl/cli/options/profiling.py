@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def profiling() -> Iterator[Profiler]:
-    """Measure inside this context and yield the profiler."""
+    """Measure the time that is spent inside this context, and yield the profiler."""
     from foresee_dsl.campaign.profiling.tasks import Profiler
 
     profiler = Profiler()

@@ -41,8 +41,7 @@ _WINDOW_M = 12.0
 """Length before and after a hint in which the nearest point is searched, m (ours: a vehicle moves at most 3 m a
 step)."""
 _SAMPLE_EVERY = 16
-"""Spacing of the segments that give a first bound of a point's distance to the line: one in this number (ours,
-measured)."""
+"""One in this number of segments is used for a first bound of a point's distance to the line (ours, measured)."""
 _SKIP_BEYOND_M2 = 4.0
 """Excess of a point's squared distance over the squared bound, m^2, from which segments are skipped; for less,
 computing the number to skip costs more than it saves (ours, measured)."""
@@ -150,8 +149,8 @@ class Polyline:
         return self._result(*self._nearest(px, py, 0, last), px, py)
 
     def _on_line(self, x: float, y: float, near_s: float) -> tuple[int, float] | None:
-        """Return the nearest segment and the share of it, for a point almost on the line and close to `near_s`; else
-        None.
+        """Return the nearest segment, and the nearest point on it as a share of its length, for a point almost on the
+        line and close to `near_s`; else None.
 
         No other point within 12 m can be nearer in that case, because lines do not bend that sharply.
         """

@@ -283,7 +283,7 @@ class _Joined:
     def line(
         self, edges: tuple[str, ...], passages: Sequence[tuple[Movement, int, int]], origin: int, end: int
     ) -> RouteLine:
-        """Return the finished line. Positions are counts of vertices and refer to the last vertex of the count."""
+        """Return the finished line. A position is given as a number of vertices, and is that of the last of them."""
         points = tuple(vertex[:2] for vertex in self.vertices)
         s = lines.lengths(points)
 

@@ -212,7 +212,7 @@ class Topology:
         return self.parts.get(edge) or ((edge,) if edge in self.edges else ())
 
     def lanes_to(self, left: int) -> int:
-        """Return the index of a lane minus that of the lane `left` lanes to its left."""
+        """Return the number that is added to a lane's index to get that of the lane `left` lanes to its left."""
         return -left if self.left_hand else left
 
     def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:

@@ -65,7 +65,7 @@ class Deviation:
 
     @property
     def share_others_within(self) -> float:
-        """Return the share of the actors without the ego that stayed within 0.1 m of their places in the parent's run."""
+        """Return the share of actors, except the ego, that stayed within 0.1 m of their places in the parent's run."""
         return share_within(self.others_m)
 
 

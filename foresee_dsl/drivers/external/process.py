@@ -23,7 +23,8 @@ LONGEST_LINE = 65_536
 FAREWELL_S = 1.0
 """Time that a program gets to end by itself after the line `end`, s. Ours: time to close a log file."""
 LAST_WORDS_S = 0.2
-"""Time to wait, after the program has closed its output, for its exit code and the rest of its stderr, s. Ours."""
+"""After the program has closed its output, its exit code and the rest of its stderr are awaited for this time, s. Ours.
+"""
 LAST_WORDS = 400
 """Maximum number of characters from the end of stderr in a message. Ours: the last line of a traceback and its
 place."""

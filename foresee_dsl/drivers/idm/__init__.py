@@ -36,7 +36,9 @@ EMERGENCY_TTC_S = 1.5
 """Time to collision below which the driver brakes in an emergency, s: FHWA-HRT-08-051 (the Surrogate Safety Assessment
 Model) counts a lower one as a conflict."""
 PREVIEW_S = 0.5
-"""Time by which the driver looks ahead in the speed profile, s. Ours: drivetrain and brakes respond 0.2 s late."""
+"""The driver takes its desired speed from the place that it reaches after this time, s. Ours: drivetrain and brakes
+respond 0.2 s late.
+"""
 SLOWEST_MPS = 0.5
 """Lowest desired speed, m/s. Ours: it avoids a division by zero."""
 
@@ -103,8 +105,8 @@ def _acceleration(situation: RoadSituation) -> float:
     # Brake for bends in time: the free term of the IDM has only one desired speed, and would begin to brake in the
     # bend.
     wish = min(free_acceleration(speed, desired), (allowed - speed) / PREVIEW_S)
-    # A waiting place is treated as a standing leader. It is put farther ahead by the gap that the IDM keeps to a
-    # leader.
+    # A waiting place is treated as a standing leader. Because the IDM keeps a gap to a leader, this leader is put that
+    # gap beyond the waiting place.
     waits = (
         (traffic.walkers(situation, others), 0.0),
         (traffic.stop_line(situation), cfg.MINIMUM_GAP_M),

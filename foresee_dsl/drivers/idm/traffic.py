@@ -28,7 +28,7 @@ TOUCH_MARGIN_M = 0.15
 """Lateral margin between the footprints for the time to collision, m. Ours: smaller than `CORRIDOR_MARGIN_M`, as a
 false alarm causes full braking."""
 STILL_MPS = 0.1
-"""A distance that changes by less than this counts as constant, m/s. Ours."""
+"""A distance that changes more slowly than this counts as constant, m/s. Ours."""
 CONFLICT_MARGIN_M = 1.0
 """Distance before a conflict at which the ego waits, m. Ours: the front corners swing out in a turn."""
 YIELD_BRAKING_MPS2 = 4.0
@@ -174,9 +174,8 @@ def _near_junctions(situation: RoadSituation) -> BoolArray:
 
 
 def _waiting_places(foes: Records, ego: EgoRecord) -> list[float]:
-    """Return the place, along the route, at which the ego waits for each stream.
-
-    It is before the first of those conflicts that have no room for the ego between them.
+    """Return the place, along the route, at which the ego waits for each stream. If there is no room for the ego
+    between the stream's conflict and earlier ones, the place lies before the first of these.
     """
     length = ego.front_s - ego.rear_s
     conflicts = list(zip(foes["own_s"].tolist(), foes["own_until_s"].tolist(), strict=True))

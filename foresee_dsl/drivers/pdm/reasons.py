@@ -2,7 +2,7 @@
 
 This is computed only on request, not while driving. The driver then decides again: without actors and with all signals
 green, then with one signal or one object at a time. A signal or object that makes it slower, or changes its place in
-the lane, is a reason. If it brakes harder than for any of them alone, each object is left out in turn.
+the lane, is a reason. If the driver brakes harder than for any signal or object alone, each object is left out in turn.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ class DriverRoute:
         columns: [N] each field of `points` as a contiguous array, from which numpy reads many places faster.
         passages: the junctions of the mission. junctions: [J] the same as `Junction`s.
         foes: [F] `Foe`s, in the order of their junctions. paths: the `PathPoint`s of all foes.
-        signals: index of each junction with a signal, and the signal's key.
+        signals: for each junction with a signal, its index among the junctions and the key of the signal.
     """
 
     points: Records

@@ -99,7 +99,9 @@ def write_state(numbers: FloatArray, state: EgoState) -> None:
 
 
 def signal_brakings(route: DriverRoute, strongest_mps2: float, signals: Mapping[str, SignalColour]) -> FloatArray:
-    """Return `signal_braking` of each junction, [J] m/s^2; it is negative where the ego may go."""
+    """Return the `signal_braking` of each junction, [J] m/s^2; the number is negative at a junction where the ego may
+    go.
+    """
     braking = [-1.0] * len(route.passages)
     for k, _ in route.signals:
         wish = signal_braking(route.passages[k], strongest_mps2, signals)

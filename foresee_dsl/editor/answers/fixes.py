@@ -141,7 +141,9 @@ def _counted(diagnostics: tuple[Diagnostic, ...]) -> Counter[tuple[str, str]]:
 
 
 def _unclosed(diagnostics: tuple[Diagnostic, ...]) -> int:
-    """Return the number of blocks that are not closed; of many, the last are reported together with their number."""
+    """Return the number of blocks that are not closed. If there are many, one diagnostic reports the last ones
+    together, with their number.
+    """
     of_blocks = (diagnostic.fixes for diagnostic in diagnostics if diagnostic.code == "FS007")
     return sum(next((fix.blocks for fix in fixes if isinstance(fix, Rewrite)), 1) for fixes in of_blocks)
 

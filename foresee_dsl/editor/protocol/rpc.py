@@ -1,8 +1,9 @@
 """Implements JSON-RPC 2.0 with the framing of the Language Server Protocol over two byte streams; any thread may
 answer.
 
-Our own, because importing pygls 2.1 with lsprotocol, which creates 500 classes, takes 0.3 s, as long as importing the
-whole language."""
+This implementation is our own, because importing pygls 2.1 with lsprotocol, which creates 500 classes, takes 0.3 s: as
+long as importing the whole language.
+"""
 
 from __future__ import annotations
 
