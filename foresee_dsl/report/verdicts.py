@@ -86,7 +86,9 @@ def without_verdict(verdict: Verdict, reason: str) -> str:
 
 
 def not_deterministic(driver: str, rates: Sequence[str]) -> str:
-    """Return the sentence about a driver that is not deterministic; `rates`: of its findings, "" for equal runs."""
+    """Return the sentence about a driver that is not deterministic; `rates`: how many runs of each finding fail, "" if
+    all runs are equal.
+    """
     differing = sum(map(bool, rates))
     return (
         f"{driver} is not deterministic: {differing} of {counted(len(rates), 'finding')} ended differently in another "

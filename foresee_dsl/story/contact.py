@@ -46,8 +46,9 @@ def steered_into(facts: Facts, impact: Impact) -> bool:
     """Return whether the opponent struck the ego because the mutation moved its wheels or its line towards the ego.
 
     If the mutation turned its wheels and it moves at the contact, it struck the ego, no matter which side touched
-    first. If the mutation only shifted its line, three conditions must hold: both drive along each other, the ego does
-    not turn, and the opponent struck the ego. An actor that crosses the ego's way would reach the ego on any line.
+    first. If the mutation only shifted its line, three conditions must hold: both actors drive along each other, the
+    ego does not turn, and the opponent struck the ego. An actor that crosses the ego's way would reach the ego on any
+    line.
     """
     if facts.opponent is None or impact.other_mps < STUCK_SPEED_MPS or not moved_towards(facts):
         return False

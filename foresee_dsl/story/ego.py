@@ -82,7 +82,7 @@ def ego_of(facts: Facts, place: StoryPlace, whole: Facts) -> EgoMotion:
     """Return the manoeuvre and motion of the ego at the end of a story.
 
     `facts` ends with the story; `whole` is the whole run, from which the brakings and accelerations are taken, because
-    the moments name those.
+    the story's moments name the same ones.
     """
     speed, last = facts.speed(0), facts.last
     stand = next((s for s in spans(speed < STANDS_MPS, 0.0) if s[1] == last), None)

@@ -99,8 +99,8 @@ class Facts:
         """Return the column of the actor that the story is about; None if it is about the ego alone.
 
         After a contact it is the actor that was touched. An ego that got stuck or left the road has no opponent.
-        Otherwise it is the actor that the mutation changed or that is the clip's risk. In a run that passed without
-        such an actor, it is the moving actor that came nearest.
+        Otherwise it is the actor that the mutation changed or that is the clip's risk. If there is no such actor and
+        the run passed, it is the moving actor that came nearest.
         """
         if self.named is not None:
             return self.named

@@ -28,10 +28,10 @@ time to collision below which a cut-in is a risk (`avoidance.r157.risk`)."""
 STARTED_WITHIN_S = 8.0
 """A vehicle beside the lanes that moved off less than this long before the end pulls out, s. Ours."""
 SAME_LANE_M = 1.2
-"""An opponent in the ego's direction whose middle is less than this to the ego's side, m, is ahead of it or behind it,
-otherwise beside it. Ours: half a car and half a bicycle."""
+"""An opponent that drives in the ego's direction is ahead of the ego or behind it if its middle is less than this to
+the ego's side, m; otherwise it is beside the ego. Ours: half a car and half a bicycle."""
 APPROACH_S = 1.0
-"""Away from junctions, the direction from which the opponent comes is that of this time before the end, s. Ours: before
+"""Away from junctions, the direction from which the opponent comes is read at this time before the end, s. Ours: before
 most evasive manoeuvres."""
 OPPONENT_BRAKES_MPS2 = 2.0
 """An opponent's braking weaker than this is left out, m/s^2. Ours: SUMO's drivers brake less to keep their distance."""

@@ -18,7 +18,7 @@ LOOKS_BACK_S = 10.0
 """The search goes back this far from the end, s. Ours: nearly all relevant times to collision are shorter, and by
 default a clip is 10 s long at most."""
 BLINK_S = 0.25
-"""A shorter loss of sight is ignored, s. Ours: a post between the two hides a walker for two or three frames."""
+"""A shorter loss of sight is ignored, s. Ours: a post hides a pedestrian from the ego for two or three frames."""
 _BEAM_M = 0.1
 
 
@@ -30,8 +30,8 @@ class Sighting:
         since_s: time from which it is visible without a break until the end, s; None if it is not visible at the end.
         from_start: it is visible in the whole searched part of the run.
         hidden_by: what hid it just before, in words; "" if nothing did (it was out of range or absent).
-        lost_s: time at which it was visible last before it was hidden, s: before the end, or before `since_s`; None if
-            it was not visible in the searched part until then.
+        lost_s: last time at which it was visible before it was hidden, s. It was hidden before `since_s`, or before the
+            end if it is not visible at the end. None if it was not visible earlier in the searched part.
         searched_s: length of the searched part, up to the end of the run, s.
     """
 

@@ -89,9 +89,8 @@ class Story:
         opponent: id of the actor that the story is about; "" if it is about the ego alone.
         opponent_kind: its class (`pedestrian`, `car`, ...), "" for none.
         contact: the class of the contact.
-        ego_manoeuvre, opponent_manoeuvre: what each was doing, in words that are the same in stories that count as
-        equal.
-        place: where in the road layout the run ended, in such words.
+        ego_manoeuvre, opponent_manoeuvre: what each was doing, in words that all equal stories share.
+        place: where in the road layout the run ended, also in words that all equal stories share.
         touch: the side of the ego that was touched first; "" without a contact, or if the side is a matter of chance.
         mutation: what the mutation changed, in words; "" without a mutation.
         title: the story in at most twelve words. grounds: the facts by which a failure is judged.

@@ -220,9 +220,7 @@ def _moves_at_first(facts: Facts, actor: str) -> bool:
 
 
 def _written(value: Quantity | str | Expression) -> str:
-    """Return a value as text: the name of a model (`car.suv`) as it is written, any other value as a number in SI
-    units.
-    """
+    """Return a value as text: the name of a model (`car.suv`) unchanged, any other value as a number in SI units."""
     return short(str(value)) if isinstance(value, str) else f"{si_of(value):g}"
 
 
@@ -235,8 +233,8 @@ def _waiting(facts: Facts) -> str:
 
 
 def _signal(facts: Facts) -> str:
-    """Return the next junction on the ego's route in words: its distance, the colour of its signal and for how long it
-    had it.
+    """Return the next junction on the ego's route in words: its distance, its signal's colour, and for how long the
+    signal has had that colour.
     """
     line = facts.bundle.scene.ego.line
     if line is None:

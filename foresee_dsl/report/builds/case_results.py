@@ -153,7 +153,7 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
 def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
     """Return a result for each test case and each child; a child's place is its first change line.
 
-    Findings come before their siblings: code hosts show ten annotations of a step.
+    Findings come before their siblings, because code hosts show only ten annotations of a step.
     """
     ranks = {finding.name: rank for rank, finding in enumerate(result.findings)}
     siblings = {name: finding.name for finding in result.findings for name in finding.siblings}

@@ -43,8 +43,7 @@ class _Suite:
 def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[tuple[str, str]] = ()) -> str:
     """Return an XML document with a test suite for each file; times are simulated seconds.
 
-    `name`: the command. `properties`: names and values that each suite repeats, such as the driver. # What XML cannot
-    hold is written out, such as the escape character of a terminal's colours.
+    `name`: the command. `properties`: names and values that each suite repeats, such as the driver.
     """
     by_suite = sorted(results, key=lambda result: result.suite)
     suites = [_Suite(suite, _class_name(suite), tuple(members))

@@ -87,7 +87,7 @@ def _utf16(line: str, column: int) -> int:
 def _fingerprint(diagnostic: Diagnostic, seen: Counter[str]) -> str:
     """Return a digest of a diagnostic that stays the same when lines are added above it.
 
-    It is computed from the code, the file, the line's text, the message, and the number of equal diagnostics before.
+    It is computed from the code, the file, the line's text, the message, and the number of equal diagnostics before it.
     """
     key = "\0".join((diagnostic.code, diagnostic.path, diagnostic.source_line.strip(), diagnostic.message))
     seen[key] += 1

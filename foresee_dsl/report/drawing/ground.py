@@ -26,8 +26,8 @@ Bounds = tuple[float, float, float, float]
 """Left, bottom, right and top, m."""
 
 Near = Callable[[Sequence[tuple[float, float]], float], bool]
-"""A function of the points of a shape and of its width beside them, m, that returns whether the shape is in the
-picture."""
+"""A function that returns whether a shape is in the picture. Its arguments are the shape's points and the width, m, by
+which the shape extends beyond its points."""
 
 ZEBRA_M = 0.6
 """Width of a crossing's bars, and of the gaps between them, m. Ours: German bars are 0.5 m wide, which is too thin for
@@ -188,10 +188,10 @@ def _side(lane: Lane, sign: int, inside_m: float = 0.0) -> FloatArray:
 
 
 def _edge_lines(network: RoadNetwork, streets: Sequence[Lane]) -> tuple[frozenset[str], list[FloatArray]]:
-    """Return the lanes of divided roads, and the solid lines at edges.
+    """Return the ids of the lanes whose left side is the edge of a divided road, and the solid lines at the edges of
+    roads.
 
-    The lanes are the ids of those whose left side is the edge of a divided road; the solid lines are those at the edges
-    of fast roads and of roads with a shoulder.
+    Fast roads and roads with a shoulder have solid lines at their edges.
     """
     by_edge: dict[str, list[Lane]] = {}
     for lane in streets:

@@ -12,7 +12,7 @@ LINE = 1.25
 """Height of a line as a multiple of the font's size."""
 _RINGS = (1.0, 2.2, 3.6, 5.2)
 """Distances from its object at which a label may be placed, in lines; near ones are tried first. Ours: farther away a
-reader cannot relate the two."""
+reader cannot relate the label to its object."""
 _CHUNK = 1.0
 """Ratio of length to height of the boxes that together approximate a slanted name. Ours."""
 

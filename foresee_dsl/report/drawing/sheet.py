@@ -50,7 +50,9 @@ class TextPlace:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text in a map or sheet, px; `x` is its left end, middle or right end by `anchor`, `y` its middle."""
+    """A line of text in a map or sheet, px; `anchor` says whether `x` is its left end, middle or right end; `y` is its
+    middle.
+    """
 
     paint: str
     text: str

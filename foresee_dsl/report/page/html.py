@@ -42,7 +42,7 @@ _DRAWING = {"paints": PAINTS, "limits": LIMITS, "measures": MEASURES}
 def write_report(folders: Sequence[Path], file: Path, *, reasons: bool = False) -> Contents:
     """Write the page of finished campaigns, and return its contents.
 
-    `reasons`: drive the failing runs again, for the driver's own reasons at each moment.
+    `reasons`: whether to drive the failing runs again, for the driver's own reasons at each moment.
 
     Raises:
         ForeseeError: a folder does not hold a campaign.

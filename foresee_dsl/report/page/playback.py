@@ -170,8 +170,10 @@ def _way(states: FloatArray) -> list[list[Any]]:
 
 
 def ego_way(trace: Trace, frames: int) -> list[list[Any]]:
-    """Return the way of the ego of another run of the same situation, as `_way`, at the frames that are shown of a run
-    with a number of frames; nothing where it had ended."""
+    """Return the way of the ego in another run (`trace`) of the situation that is shown, in the form of `_way`.
+    `frames`: number of frames of the run that is shown; the way has the frames that a page shows of that run, up to the
+    other run's end.
+    """
     kept_frames = shown_frames(frames)
     states = np.full((len(kept_frames), trace.states.shape[2]), np.nan)
     there = kept_frames < trace.frames
@@ -242,8 +244,8 @@ def _stretches(values: FloatArray, decimals: int) -> list[list[Any]]:
 
 
 def _ghosts(trace: Trace, frames: IntArray, columns: list[int], parent: Parent, opponent: str) -> dict[str, Any]:
-    """Return the poses of the parent's actors at the same times, for actors that are more than `APART_M` away from
-    them.
+    """Return the poses that actors have in the parent's run at the same times, where these are more than `APART_M` away
+    from their places in this run.
     """
     first = round(parent.start_s / STEP_S)
     at = frames + first
@@ -279,8 +281,8 @@ def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
 
 
 def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) -> list[dict[str, Any]]:
-    """Return the signal heads near the ego: for each a line `at` the road, cm, and `colours`: frame, colour, frame,
-    colour...
+    """Return the signal heads near the ego: for each head `at`, its line on the road, cm, and `colours`: frame, colour,
+    frame, colour...
 
     A colour is the name of a paint; a frame is an index into `frames`.
     """

@@ -20,7 +20,7 @@ from foresee_dsl.report.terminal.live import TITLES, Figures
 from foresee_dsl.simulate.results.verdict import FAILURES
 
 EVERY_S = 10.0
-"""Time between two writings of the page, and after which it loads itself again, s. Ours: writing takes 5 ms."""
+"""Interval at which the page is written, and at which it loads itself again, s. Ours: writing takes 5 ms."""
 MOST_LISTED = 100
 """Maximum number of failures that are listed; the latest come first. Ours: a few screens."""
 _FAILING = frozenset(verdict.value for verdict in FAILURES)
@@ -48,7 +48,8 @@ class RunningPage(Figures):
         """Prepare to write a file.
 
         Args:
-            file: the page. settings: of the campaign. clock: s, for the intervals. now: the time of day in words.
+            file: the page. settings: settings of the campaign. clock: returns a time, s, for the intervals. now:
+                returns the time of day in words.
         """
         super().__init__(clock, settings)
         self._file, self._settings, self._now = file, settings, now

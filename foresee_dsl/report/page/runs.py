@@ -47,7 +47,7 @@ TOLERANCE_M = 0.05
 
 
 REASONS_EVERY_S = 0.2
-"""Time between two moments of which a page has the driver's reasons, s. Ours: shorter than a reaction."""
+"""Time between two moments for which a page states the driver's reasons, s. Ours: shorter than a reaction."""
 
 
 @dataclass(frozen=True)

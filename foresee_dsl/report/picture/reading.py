@@ -309,7 +309,7 @@ def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> floa
     line = shapely.LineString(points)
     furthest = ALONE_M if ego or not others else ALONE_M / 2
     for other in others:
-        # If the two run side by side, it is enough that the first metres are visible.
+        # If both ways run side by side, it is enough that the first metres are visible.
         near = shapely.intersection(line, shapely.buffer(shapely.LineString(other), MEET_M / 2))
         if near.is_empty:
             continue

@@ -23,8 +23,8 @@ from foresee_dsl.report.picture.draw import draw
 LOCAL = "127.0.0.1"
 """Only this machine may connect, because the page shows the contents of its files."""
 _LOOK_S = 0.15
-"""Time between two checks of the files, s. Ours: shorter than a blink; for some files it takes a thousandth of a
-core."""
+"""Time between two checks of the files, s. Ours: shorter than a blink; the checks of a few files take a thousandth of
+the time of one core."""
 _ALIVE_S = 15.0
 """Time after which an empty event is sent, s, because sending fails if the page was closed. Ours."""
 

@@ -23,7 +23,8 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.story import Moment
 
 EVERY_S = 0.1
-"""Time between two pictures, s. GIF counts in hundredths of a second, and browsers slow down what is below 0.02 s."""
+"""Time between two pictures, s. GIF counts time in hundredths of a second, and browsers show pictures longer that
+should last less than 0.02 s."""
 HOLD_S = 1.5
 """Time for which the last picture stays before the film begins again, s. Ours: long enough to read its caption."""
 BEFORE_S, AFTER_S = 7.0, 2.0
@@ -31,7 +32,7 @@ BEFORE_S, AFTER_S = 7.0, 2.0
 SIDE_PX = 440.0
 """Side of the picture, px. Ours: a car in the widest view is 20 px long."""
 COLOURS = 64
-"""Number of colours of a film. Ours: the paints are 20, the others are the shades of their edges."""
+"""Number of colours of a film. Ours: 20 of them are the paints, the others the mixed colours at their edges."""
 _CAPTION_S = 1.5
 """A moment of the story is in the caption for this long, s: as in the page's playback."""
 _LETTERS = 64

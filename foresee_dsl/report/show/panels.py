@@ -250,8 +250,8 @@ def window_before(trace: Trace, bundle: SumoBundle, opponent: str, frame: int) -
 
 
 def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
-    """Return the heading of the ego's lane, rad, with which roads are vertical in a panel; in a junction, the ego's own
-    heading.
+    """Return the heading of the ego's lane, rad; a panel shows it upwards, so that roads are vertical. In a junction,
+    return the ego's own heading.
     """
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     near = bundle.network.nearest_lane(x, y, heading)

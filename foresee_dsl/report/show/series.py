@@ -28,9 +28,10 @@ _DECIMALS = 4
 
 
 def criticality_table(trace: Trace, actor: str) -> dict[str, FloatArray]:
-    """Return the criticality of the ego and an actor at each step, [T] by the names of columns with their units.
+    """Return the criticality of the ego and an actor at each step, [T] each; the keys are names of columns with units.
 
-    NaN: no value, such as without a predicted contact; infinity: the braking needed at a contact.
+    A value is NaN where a measure has none, for example without a predicted contact; the braking that is needed at a
+    contact is infinite.
 
     Args:
         trace: the run. actor: id of the other actor.

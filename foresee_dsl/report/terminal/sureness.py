@@ -35,7 +35,7 @@ def _lines(sure: Sureness) -> Iterator[str]:
 
 
 def edge_text(edge: Edge) -> str:
-    """Return where a value passes, in words."""
+    """Return, in words, at which value of a change the run fails, and at which nearby values it passes."""
     unit = f" {edge.unit}" if edge.unit else ""
     sides = [
         f"{value:.2f}{unit} ({abs(value - edge.fails):.2f}{unit} {where})"

@@ -29,22 +29,24 @@ on."""
 _ABOVE = {step.kind: _run_above(step) for step in RUNS}
 """For each kind of run, the kind on which it depends; "" for the first."""
 USUAL_SHARE = {"clip": 0.69, "child": 0.92}
-"""Share of the maximum number of runs that usually takes place, per run of the kind above; it replaces the step's own
-`share`. Ours: the bundled library with `pdm`, 120 test cases, 332 clips, 1220 children."""
+"""Share of the maximum number of runs of a kind (per run of the kind on which it depends) that usually takes place; it
+replaces the step's own `share`. Ours: measured with the bundled library and `pdm`, which gave 120 test cases, 332 clips
+and 1220 children."""
 _WEIGHT = 12
-"""Number of measured runs that have as much weight as the usual values. Ours: a few runs change the estimate little,
-after fifty they nearly determine it."""
+"""Number of measured runs that have as much weight as the usual values. Ours: the first few runs change the estimate
+little, and after fifty the measured runs nearly determine it."""
 _FAILING = 0.1
 """Share of children that are assumed to fail until runs have shown it; a step's `share` refers to it. Ours, measured as
 above."""
 _ALIKE_FROM, _ALIKE_POWER = 64, 0.36
-"""From this number of failures on, the number of findings is assumed to grow with this power of it, because most
-failures repeat a story. Ours: the bundled library with `pdm`, 64 failures with 24 findings to be minimised, 1,985 with
-82."""
+"""From the first number of failures on, the number of findings is assumed to grow as the number of failures to the
+power of the second value, because most failures repeat a story. Ours: measured with the bundled library and `pdm`,
+where 64 failures had 24 findings to be minimised, and 1,985 failures had 82."""
 _SHOWN_FROM = 0.02
 """An estimate is shown when this share of the work is done. Ours."""
 _SMOOTH = 0.1
-"""Weight of the newest estimate of the whole duration in their average, which is updated every `_EVERY_S`. Ours."""
+"""Weight of the newest estimate of the campaign's duration in the running average of these estimates, which is updated
+every `_EVERY_S`. Ours."""
 _EVERY_S = 0.5
 """Wall time between two updates of that average, s. Ours."""
 _NEARLY = 0.9

@@ -34,8 +34,8 @@ class ObjectNoise:
     """Standard deviations of the measurements of an object. No error is larger than six standard deviations.
 
     Ours: the mean position error of a car at 25 m is 0.21 m, as that of lidar detectors with a tracker. For detectors
-    without a tracker we expect mean errors of 0.2 m to 0.3 m in position, of 0.2 m/s to 0.3 m/s in velocity, and of 15
-    % to 25 % of the common volume in size (the measures mATE, mAVE and mASE of the nuScenes benchmark).
+    without a tracker we expect mean errors of 0.2 m to 0.3 m in position, of 0.2 m/s to 0.3 m/s in velocity, and of
+    15 % to 25 % of the common volume in size (the measures mATE, mAVE and mASE of the nuScenes benchmark).
 
     Attributes:
         radial_m, radial_share: error of the position along the line of sight: a constant, and a share of the distance.

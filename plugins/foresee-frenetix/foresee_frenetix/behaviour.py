@@ -36,8 +36,9 @@ WALKER_BRAKING_MPS2 = 1.0
 makes pedestrians on the pavement seem to head for the road."""
 WALKER_TIMES = 3
 WALKER_URGENT_MPS2 = 3.0
-"""A stop for a pedestrian needs this many consecutive plans (0.3 s) that require it, or a required braking of at least
-this, m/s^2. Ours: one plan in four required a stop for a pedestrian that only walked along the pavement."""
+"""The ego stops for a pedestrian if `WALKER_TIMES` consecutive plans (0.3 s) require it, or if one plan requires a
+braking of at least `WALKER_URGENT_MPS2`. Ours: one plan in four required a stop for a pedestrian that only walked along
+the pavement."""
 BESIDE_M = 0.3
 """Distance to the ego's side within which an actor that is not aligned with the road is in its corridor, m. Ours."""
 

@@ -91,8 +91,8 @@ def _cost(situation: RoadSituation, behaviour: Behaviour, candidates: Candidates
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
     speed = candidates.speed
     most = route.between("profile", candidates.s)
-    # Speed itself counts, not its difference from the allowed speed; otherwise driving slowly where that is low would
-    # be cheapest.
+    # Speed itself counts, not its difference from the allowed speed; otherwise driving slowly where the allowed speed
+    # is low would be cheapest.
     cost = candidates.cost - cfg.SLOW_WEIGHT * speed.mean(axis=1)
     if last is not None:
         cost += cfg.CHANGE_WEIGHT * np.abs(candidates.offset - last.offset)
@@ -124,7 +124,7 @@ def _leaves_lanes(situation: RoadSituation, candidates: Candidates) -> BoolArray
 
 
 def _conflicts(situation: RoadSituation, motion: Motion, offset: FloatArray, prediction: Records) -> Records:
-    """Return the conflicts of motions, [P, T] (or [T] of one), that head for offsets, [P], by `pdm`'s rules: [P, T]."""
+    """Return the conflicts by `pdm`'s rules, [P, T], of motions ([P, T], or one: [T]) that head for offsets ([P])."""
     back, cos, sin = situation.ego.centre, np.cos(motion.heading), np.sin(motion.heading)
     rolled = np.zeros((len(offset), len(TIMES_S)), ROLLED)
     rolled["s"], rolled["d"], rolled["speed"] = motion.s, motion.d, motion.speed

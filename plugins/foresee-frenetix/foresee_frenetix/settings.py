@@ -63,8 +63,8 @@ FAST_WEIGHT = 12.0
 0.04 m/s too fast."""
 HEADWAY_WEIGHT = 8.0
 HEADWAY_S = 1.5
-"""Wished time gap, s (IDM, table I). The weight is the cost of a missing gap, per share of the wished gap (standing gap
-and 1.5 s). Ours."""
+"""Wished time gap, s (IDM, table I). `HEADWAY_WEIGHT` is the cost of a gap that is too short, per missing share of the
+wished gap, which is the standing gap plus the way in the time gap. Ours."""
 REACTION_S = 0.5
 """Reaction time for which the speed leaves room to stop behind a braking leader, s. Ours: about the time in which a
 plan changes from cruising to braking. Without it the car touched a leader that stopped with 3 m/s^2."""
@@ -76,14 +76,14 @@ LONGITUDINAL_JERK_WEIGHT = 0.1
 """Weight of longitudinal jerk: Werling weights jerk with 0.1 against the errors of the end state."""
 NEAR_WEIGHT = 3.0
 PRESSED_WEIGHT = 3.0
-"""Cost of the share of frames with less distance than `pdm` requires, and with a time to collision below that of `pdm`.
-Ours."""
+"""Costs of the share of frames with less distance to others than `pdm` requires (`NEAR_WEIGHT`), and of the share with
+a lower time to collision than `pdm` requires (`PRESSED_WEIGHT`). Ours."""
 DOUBT_MPS = 0.5
 DOUBT_M = 1.5
-"""Growth of half the length of a moving actor per second, m, up to 1.5 m. Ours: the error of its speed can be 0.5
-m/s."""
+"""Half the length of a moving actor grows by `DOUBT_MPS`, m/s, up to `DOUBT_M`, m. Ours: the error of its speed can be
+0.5 m/s."""
 CORNER_M = 0.5
-"""Growth of half the length of a standing actor, m. Ours: the tracking error near its corners is 0.1 m."""
+"""Half the length of a standing actor is increased by this, m. Ours: the tracking error near its corners is 0.1 m."""
 CHANGE_WEIGHT = 0.3
 """Cost per metre between the new plan's end offset and the last one's. Ours: it prevents swaying between two equally
 good plans."""
@@ -120,4 +120,5 @@ OFF_PLAN_M = 1.0
 OFF_PLAN_SIDE_M = 0.3
 OFF_PLAN_MPS = 1.0
 OFF_PLAN_RAD = 0.15
-"""Deviation from the plan above which the next plan begins at the car's own state instead of the last plan's. Ours."""
+"""Deviations from the plan, lengthwise, to the side, in speed and in heading. Above any of them the next plan begins at
+the car's own state instead of the last plan's. Ours."""

@@ -36,8 +36,8 @@ from foresee_frenetix.plan import Frenet, Plan, Pose, angle_between, braking_pla
 from foresee_frenetix.planner import Planner, ends
 
 STOPS_MPS2 = 0.3
-"""Additional braking that any stop or leader requires, m/s^2. Ours: it distinguishes the stop of a standing ego from a
-free road."""
+"""Braking that is added to what a stop or a leader requires, m/s^2. Ours: with it, a standing ego that must stop
+differs from one on a free road."""
 
 
 @dataclass

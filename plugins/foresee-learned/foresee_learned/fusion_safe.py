@@ -254,9 +254,10 @@ def fastest_safe_speed(now_mps: float, free_m: FloatArray, bounds: Speeds) -> fl
     braking.
 
     Whatever v1 is, the ways of all later steps are shortest when the ego brakes as hard as allowed from then on. So v1
-    is feasible where these ways are. The way of step k is a sum of the speeds max(0, v1 - (i-1) braking T), weighted 2
-    for i < k and 1 for i = k. Such a sum is at most a number where the sums of its first m terms, without the max, are,
-    for every m. Each of these is a bound on v1 that can be written down; the least of them is the answer.
+    is feasible if these shortest ways keep their limits. The way of step k is a sum of the speeds max(0, v1 - (i-1)
+    braking T), weighted 2 for i < k and 1 for i = k. This sum keeps a limit if, for every m, the sum of its first m
+    terms without the max keeps the same limit. Each of these conditions is a linear bound on v1; the smallest bound is
+    the answer.
 
     Args:
         now_mps: v0. free_m: [N] how far the ego may have come at the end of each step, infinite if nothing limits it.

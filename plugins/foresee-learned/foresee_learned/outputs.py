@@ -76,8 +76,8 @@ def target_speed(probabilities: Outputs) -> float:
 def road_users(density: Outputs, least_probability: float = 0.5) -> Iterator[Occupied]:
     """Yield the road users of a density map [1, 8, 24, 24].
 
-    A square contains one if it is occupied with at least this probability, and with a higher one than its eight
-    neighbours.
+    A square contains a road user if it is occupied with at least this probability, and with a higher probability than
+    its eight neighbours.
     """
     occupied = density[0, 0]
     columns = occupied.shape[1]

@@ -38,8 +38,8 @@ class Pilot:
     def follow(
         self, path: FloatArray, target_mps: float, within_s: float, ego: EgoState, *, hardest: bool = False
     ) -> Control:
-        """Return the control that keeps the ego on a path of the world ([N, 2] m, from `laid_down`) and brings it to a
-        speed.
+        """Return the control that keeps the ego on a path in world coordinates ([N, 2] m, from `laid_down`) and brings
+        it to a speed.
 
         `within_s`: time to reach the speed. `hardest`: whether to brake as hard as the vehicle can instead.
         """
@@ -64,7 +64,7 @@ class Pilot:
         return min(wanted, cfg.ACCELERATION_MPS2)
 
     def _angle(self, path: FloatArray, ego: EgoState) -> float:
-        """Return the angle of the front wheels, rad, with which the circle of the rear axle meets the point ahead."""
+        """Return the front wheel angle, rad, that moves the rear axle along a circle through the point ahead."""
         car, ahead_m = self._vehicle, max(cfg.AIM_LEAST_M, cfg.AIM_S * ego.speed_mps)
         x, y, length_m = aim(path, ego.x, ego.y, ahead_m).tolist()
         if length_m < cfg.WAY_LEAST_M:

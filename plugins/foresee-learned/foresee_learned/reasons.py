@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from foresee_learned.outputs import Occupied
 
 LEAST_MPS = 0.3
-"""An object is a reason if the target speed without it is higher by at least this, m/s. Ours: the change by 2 m/s^2 in
-one and a half decisions."""
+"""An object is a reason if the target speed without it is higher by at least this, m/s. Ours: the change of speed at 2
+m/s^2 during one and a half decisions."""
 NEAREST = 12
 """Maximum number of objects that are painted out, the nearest ones. Ours: they take 60 ms per step."""
 SAME_M = 4.0

@@ -49,7 +49,7 @@ class Network:
         options.log_severity_level = _ERRORS_ONLY
         try:
             self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
+        except Exception as err:  # onnxruntime has a class for each of its errors, without a common base
             why = " ".join(str(err).split())
             raise DriverError(
                 f"{name} is not a network that onnxruntime can read ({why}); export it again, or reinstall the package "

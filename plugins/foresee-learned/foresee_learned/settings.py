@@ -14,8 +14,9 @@ with the standard sensors (a list every 0.1 s) and with ideal ones (every 0.05 s
 # --- waypoints to pedals ----------------------------------------------------------------------------------------
 AIM_S = 0.45
 AIM_LEAST_M = 2.2
-"""Least distance of the point that the ego steers for, ahead of its centre, m. Ours: with 0.6 s and 3 m, or with more,
-the ego cut the exit of a roundabout over its kerb. TransFuser aims at 4 m below 5.5 m/s and at 6.5 m above."""
+"""The ego steers for the point that it reaches after `AIM_S`, s, at its current speed, but for one that is at least
+`AIM_LEAST_M` ahead of its centre. Ours: with 0.6 s and 3 m, or with more, the ego cut the exit of a roundabout over its
+kerb. TransFuser aims at 4 m below 5.5 m/s and at 6.5 m above."""
 WAY_LEAST_M = 0.7
 """Length of the waypoints' path below which the wheels keep their angle, m. Ours: so short a path belongs to a car that
 is to stand, and its direction is random."""
@@ -24,14 +25,14 @@ FRICTION_SHARE = 0.7
 INTEGRAL_GAIN = 0.1
 DAMPING_GAIN = 0.0
 """Gains of the PID controller of the speed, whose output is an acceleration. Ours: the proportional gain is one over
-the time in which the speed is to be reached (1/s); integral 1/s, damping without unit. TransFuser's has the ratios 5,
-0.5, 1, and its output are pedals."""
+the time in which the speed is to be reached (1/s); integral 1/s, damping without unit. The gains of TransFuser have the
+ratios 5 : 0.5 : 1, and its controller's output is the position of the pedals."""
 INTEGRAL_STEPS = 20
-"""Number of steps of the integral: it is the mean error of the last second, as TransFuser's is that of two. Nothing
-older than the hand-over has an effect."""
+"""Number of steps of the integral: it is the mean error of the last second; TransFuser's is that of the last two
+seconds. Nothing older than the hand-over has an effect."""
 HARD_MPS2 = 4.0
-"""Required braking above which it is an emergency, and the car brakes as hard as it can, m/s^2. Ours: the expert comes
-to rest before the second is over at whose end the target speed applies. Its everyday braking is 2 to 3 m/s^2.
+"""Required braking above which it is an emergency, and the car brakes as hard as it can, m/s^2. Ours: the target speed
+applies at the end of the next second, and the expert comes to rest before that. Its everyday braking is 2 to 3 m/s^2.
 TransFuser brakes fully whenever it is 10 % too fast."""
 FUSION_HARD_MPS2 = 1.5
 """As `HARD_MPS2`, for `fusion`, m/s^2. Ours: its target speed is a mean over possible speeds, so it falls too slowly:
@@ -68,9 +69,9 @@ BRAKING_MPS2 = 4.0
 PREDICTED_S = (0.0, 0.5, 0.75, 1.0, 1.5, 2.0)
 """Times at which the others are placed, by their speed along their heading, s: InterFuser's."""
 SOON_S = 1.0
-"""Time within which every object in the way limits the speed, s: InterFuser's two steps. Later than that, only objects
-that were in the way within it do, moved on by their speed. Ours: otherwise crossing cars that brake for their own red
-light would limit it."""
+"""Time within which every object in the way limits the speed, s: InterFuser's two steps. At later times, only objects
+that were in the way within this time limit the speed; they are moved on by their own speed. Ours: otherwise crossing
+cars that brake for their own red light would limit the ego's speed."""
 SLOW_MPS = 3.0
 SLOW_SOON_S = 2.0
 """The same time for slow objects, s. Ours: people who walk or run keep walking, so they limit the speed two seconds
@@ -84,10 +85,10 @@ SPEED_ERROR_MPS = 0.5
 CREEPS_AFTER_S = 8.0
 CREEPS_FOR_S = 2.0
 CREEPS_MPS = 3.0
-"""After standing for the first time, s, without a stop line that applies and with a free way, the ego drives along the
-route for the second time, s, at this speed, m/s. Ours: in the training data, standing vehicles mostly went on standing.
-TransFuser creeps at 4 m/s for 1.5 s after 55 s, longer than a red light takes; this driver knows whether a light
-applies."""
+"""After the ego has stood for `CREEPS_AFTER_S`, s, without a stop line that applies and with a free way, it drives
+along the route for `CREEPS_FOR_S`, s, at the speed `CREEPS_MPS`. Ours: in the training data, standing vehicles mostly
+went on standing. TransFuser creeps at 4 m/s for 1.5 s after 55 s, longer than a red light takes; this driver knows
+whether a light applies."""
 MARGIN_M = 2.0
 """Clearance in front of an object, m: InterFuser's."""
 SIDE_MARGIN_M = 0.2
@@ -95,8 +96,9 @@ SIDE_MARGIN_M = 0.2
 an overlap of 4 %."""
 CLOSE_SIDE_M = 0.1
 CLOSE_SMALL_MARGIN_M = 0.1
-"""The same two clearances beside standing objects, at `CREEPS_MPS` or less. Ours: with the clearances of other speeds,
-a barrier 0.5 m beside the ego's way touched it, and it stood there for good; with these it passes at walking pace."""
+"""Lateral clearance of the ego, and enlargement of small objects, beside standing objects at `CREEPS_MPS` or less, m.
+Ours: with the clearances of higher speeds, a barrier 0.5 m beside the ego's way counted as being in it, and the ego
+stood there for good; with these it passes at walking pace."""
 BESIDE_M = 0.4
 """Apparent overlap with an object beside the ego that is tolerated, m. Ours: the error of sizes and places in the
 density map. Without it the ego once stood for good beside a barrier."""

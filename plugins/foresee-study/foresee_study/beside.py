@@ -20,7 +20,7 @@ def beside(results: Results, question: str) -> Table:
     ours = {driver: [figure.ours(results, driver) for figure in figures] for driver in drivers}
     compared = [driver for driver in drivers if any(ours[driver])]
     if compared[1:] == [TOGETHER]:
-        compared.pop()  # the figures of one driver alone
+        compared.pop()  # with only one driver, the figures of all drivers together are those of that driver
     columns = [Column(title, (driver,)) for driver in compared for title in ("paper", "ours", "95 %")]
     rows: list[Row] = []
     for k, figure in enumerate(figures):
@@ -106,8 +106,8 @@ def _judged(ours: Ours, paper: float, unit: Unit) -> str:
 
 
 def _why(results: Results, figure: PaperFigure, driver: str) -> str:
-    """Return a sentence about a comparison of two rankers: which of the two rates causes the difference from
-    the paper.
+    """Return a sentence about a comparison of two rankers: whether foresee's rate or the other ranker's causes the
+    difference from the paper; "" for other comparisons.
     """
     if figure.question != "rq2" or figure.unit is not Unit.MORE:
         return ""

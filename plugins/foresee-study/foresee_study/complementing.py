@@ -1,8 +1,8 @@
 """Runs rq4: two iterations of DriveFuzz, each followed by the forecast on the test cases without a failure.
 
-What is counted is failing test cases, so a test case that has failed is not used again. In each iteration DriveFuzz
-comes first, then the forecast, on the unmutated test cases in which DriveFuzz found no failure. Test cases without a
-failure by either go into the second iteration, with other seeds.
+The study counts failing test cases, so a test case that has failed is not used again. In each iteration DriveFuzz comes
+first, then the forecast, on the unmutated test cases in which DriveFuzz found no failure. Test cases in which both
+techniques saw no failure go into the second iteration, with other seeds.
 """
 
 from __future__ import annotations

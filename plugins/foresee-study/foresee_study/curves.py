@@ -58,8 +58,9 @@ class _Parts:
     """The clips of a campaign with their children, in order.
 
     Attributes:
-        case: number of each clip's test case. took_s: its duration, s. found_s: times at which its collisions were
-            found, from its beginning, s. count, sum_s: number of these times, and their sum.
+        case: number of each clip's test case. took_s: duration of each clip with its children, s. found_s: times at
+            which the clip's collisions were found, counted from the clip's beginning, s. count, sum_s: number of these
+            times for each clip, and their sum, s.
     """
 
     case: IntArray
@@ -123,7 +124,8 @@ class Areas:
     """The areas under two curves up to a common end, summed over all repetitions.
 
     Attributes:
-        first, second: the areas, collisions times seconds. end_s: mean of the ends. interval: interval of the ratio.
+        first, second: the areas, collisions times seconds. end_s: mean of the common ends, s. interval: interval of the
+            ratio of the areas.
     """
 
     first: float

@@ -158,7 +158,7 @@ def _load(file: Path, document: str) -> Any:  # noqa: ANN401 - Measured or Fuzze
         if (data.pop("schema", None), data.pop("document", None)) != (SCHEMA, document):
             raise ValueError("another kind of file")
         return _adapter(document).validate_python(data, strict=False)
-    except ValueError as err:  # some of pydantic's errors are such
+    except ValueError as err:  # some of pydantic's errors are of this type
         why = type(err).__name__
         raise ForeseeError(
             f"{file} cannot be read ({why}): run the study again; the results of its runs are in the store"

@@ -102,7 +102,7 @@ class Measured:
     Attributes:
         group: the group of test cases: `bundled`, or the name of a town.
         driver, ranker, preset, before_s, after_s, risky_points, children: as in the campaign's settings.
-        repetition: from 0.
+        repetition: number of the repetition, from 0.
         seed: the campaign's seed.
         tool: the version that ran it.
         cases: the test cases.

@@ -22,8 +22,8 @@ from foresee_study.tables.complementarity import iterations
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
     {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
 )
-"""The paper's driver whose figures each of ours is compared with. Any other driver is compared with the
-paper's two together, or with InterFuser if the paper has no such figure."""
+"""For each of our drivers, the driver of the paper with whose figures it is compared. Any other driver is compared with
+the paper's two together, or with InterFuser if the paper has no such figure."""
 
 
 class Unit(StrEnum):
@@ -274,8 +274,8 @@ FIGURES = (
     PaperFigure("rq5", "clips that collide in heavy weather", Unit.SHARE, "4.5, RQ5, table 6",
                 _both(100 * 36 / 539, 100 * 10 / 237, 100 * 46 / 776), weather_collisions),
 )  # fmt: skip
-"""The paper's headline figures. Its areas are in collisions times seconds of its own clock, so only ratios can be
-compared."""
+"""The paper's headline figures. The paper's areas are in collisions times seconds of the paper's own clock, so only
+ratios can be compared."""
 A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
     ("fusion_safe", "foresee"): 93.66 / 1116, ("fusion_safe", "random"): 32.67 / 1116,
     ("fusion_safe", "selforacle"): 65.00 / 1116, ("fusion", "foresee"): 28.33 / 695, ("fusion", "random"): 20.67 / 695,
@@ -294,7 +294,7 @@ def a_child_of_paper(driver: str, ranker: str) -> float | None:
 def children_colliding(results: Results, driver: str, ranker: str) -> tuple[float, float] | None:
     """Return the shares of foresee's and of another ranker's mutants that collide, with clips of the chosen length.
 
-    It counts the drivers and repetitions that both have; None if one of the two has no mutant.
+    It counts the drivers and repetitions that both rankers have; None if foresee or the other ranker has no mutant.
     """
     shares = []
     for pairs in _in_common(results, driver, ranker, CHOSEN_S):

@@ -93,8 +93,8 @@ def _following(node: StepNode, wanted: Wanted) -> tuple[int, int]:
 _USUAL_POINTS = 45
 """Maximum number of clips of a test case in the exhaustive search: the paper's 45 for a run of 48 s (section 4.3)."""
 _CLIP_S, _CHILD_S = 0.3, 0.12
-"""Wall time of a clip and of a mutant that are assumed until the store has some, s. Ours: the bundled scenarios with
-`pdm`."""
+"""Assumed wall times of a clip and of a mutant, s; they are used until the store has measured ones. Ours: the bundled
+scenarios with `pdm`."""
 _FUZZED_S = 0.7
 """Wall time of a fuzzed test case that is assumed, s. Ours: the bundled scenarios with `pdm`."""
 

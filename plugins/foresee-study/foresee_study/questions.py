@@ -55,8 +55,8 @@ def campaigns(
 def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
     """Yield the searches of every second of the test cases.
 
-    Their failures are many and similar. Only reference drivers that the study names drive these failures, because that
-    takes most of the time.
+    The failures of these searches are many and similar, and driving them with reference drivers takes most of the time.
+    Therefore only reference drivers that the study names drive them.
     """
     searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
                          repetitions=settings.exhaustive_repetitions)  # fmt: skip

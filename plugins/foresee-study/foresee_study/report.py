@@ -63,7 +63,8 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
     if not any(measured.cases for measured in results.campaigns):
         where = "" if results.half is Half.ALL else f"  of the {results.half} half: choose another --half"
         raise ForeseeError(f"the study in {folder.at} has run no test case{where}")
-    questions = folder.read().asked or TABLES  # if no question was answered completely, all results so far
+    # if no question was answered completely, the report has all results so far
+    questions = folder.read().asked or TABLES
     tables = {name: own for name in TABLES if name in questions and (own := tables_of(name, results))}
     for own in tables.values():
         write_tables(own, folder)

@@ -97,7 +97,8 @@ class Results:
 
     def pairs(self, driver: str, first: str, second: str, what: Counted, clip_s: float = CHOSEN_S,
               points: int = POINTS) -> list[Pair]:  # fmt: skip
-        """Return the units of two rankers with one driver, or with all: usable test cases, in each repetition."""
+        """Return the units on which two rankers are compared, with one driver or with all drivers; a unit is a usable
+        test case in one repetition."""
         names = self.drivers if driver == TOGETHER else (driver,)
         return [pair for name in names for pair in self._pairs(name, first, second, what, clip_s, points)]
 

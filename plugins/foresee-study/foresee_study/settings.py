@@ -75,9 +75,9 @@ class Wanted:
     """One campaign that a question needs. Questions that need equal campaigns share one.
 
     Attributes:
-        group: the test cases.
+        group: the group of test cases.
         clip_s: length of a clip, s (the paper's o_b + o_a).
-        repetition: from 0.
+        repetition: number of the repetition, from 0.
         seed: seed of all random choices.
     """
 

@@ -31,8 +31,8 @@ def _stretch(slope: float, slope_down: float, dy: float, half: float) -> tuple[f
     """Return the stretch along a row in which |slope * dx + slope_down * dy| <= half; an empty stretch if there is
     none.
 
-    If the edge is parallel to the row, a middle on its upper bound counts as inside and one on its lower bound does
-    not, as on the left and the right.
+    If the edge is parallel to the row, the middle of a pixel on its upper bound counts as inside, and the middle of a
+    pixel on its lower bound does not, as on the left and the right.
     """
     half = _snapped(half)
     if abs(slope) < PARALLEL:

@@ -199,7 +199,8 @@ def _bound(
 ) -> None:
     """Write how far another actor allows the ego to drive along the path up to the end of each step, m.
 
-    A step's limit is the smallest of the times around its end, as in InterFuser: the other may be half a step late.
+    A step's limit is the smallest length at the times around the step's end, as in InterFuser, because the other actor
+    may be half a step late.
     """
     speed = other[5]
     soon_s = rule["slow_soon"] if speed < rule["slow"] else rule["soon"]

@@ -115,7 +115,7 @@ class Camera:
             return
         ahead, left = self._seen_from(pose, self._walls[..., 0], self._walls[..., 1])
         inside = (ahead.max(axis=1) > 0) & (ahead.min(axis=1) < range_m)
-        # Left of the picture's middle it is positive, right of it negative.
+        # Distance of both ends of a wall to the left of the picture's left edge and of its right edge, m.
         side = left - ahead * self._slopes[[0, -1], None, None]
         inside &= (side[0].min(axis=1) < 0) & (side[1].max(axis=1) > 0)
         # Outlines run counter-clockwise, so a wall that faces the camera has the camera on its right.
@@ -149,7 +149,7 @@ class Camera:
             return
         ahead, left = self._seen_from(pose, boxes[:, 0], boxes[:, 1])
         radius = np.hypot(boxes[:, 3], boxes[:, 4]) / 2
-        near = (ahead + radius > _NEAR_M) & (ahead - radius < range_m)  # a NaN is not
+        near = (ahead + radius > _NEAR_M) & (ahead - radius < range_m)  # False for NaN
         near &= np.abs(left) - radius * 1.5 <= np.maximum(ahead + radius, 0.0) * self._slopes[0]
         chosen = np.flatnonzero(near)
         if not len(chosen):

@@ -35,7 +35,9 @@ _FIRST_GROUP = FORWARD_CHANNELS.index(GROUPS[0])
 
 
 class Canvas:
-    """Draws a run's pictures from plain arrays. The map, too, is drawn only when the first picture is requested."""
+    """Draws a run's pictures from plain arrays. Nothing is drawn before the first picture is requested, not even the
+    map.
+    """
 
     def __init__(
         self,

@@ -29,7 +29,7 @@ M_PER_PX = 0.25
 """Side of a map's pixel, m. Ours: half of a pixel of the bird's-eye view, so that the error of sampling is at most 0.18
 m."""
 MARKING_M = 0.5
-"""Width of markings and lane centres in pictures. Ours: painted lines are 0.12 to 0.25 m wide and would be missed by
+"""Width of markings and lane centres in pictures, m. Ours: painted lines are 0.12 to 0.25 m wide and would be missed by
 pixels of 0.5 m."""
 ROUTE_M = 1.5
 """Width of the route, m. Ours: half a lane, so that it differs from the lane centres."""

@@ -38,8 +38,8 @@ VELOCITY_ZERO = 128
 VELOCITY_PER_MPS = 5
 """Steps of a velocity channel per m/s. Ours: reaches 25 m/s (91 km/h) in both directions, in steps of 0.2 m/s."""
 INVERSE_DEPTH_SCALE = 510.0
-"""Value of the inverse depth at 1 m. Ours: 255, the largest value, at 2 m, a distance that occurs only in a crash; 5 at
-100 m."""
+"""Value of the inverse depth at 1 m. Ours: the largest value, 255, is then that of 2 m, a distance that occurs only in
+a crash; 100 m have the value 5."""
 CAMERA_HEIGHT_M = 1.4
 """Height of the camera, m. Ours: behind the windscreen of a car 1.5 m high."""
 CAMERA_AHEAD_M = 0.3

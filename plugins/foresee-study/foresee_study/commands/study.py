@@ -51,12 +51,13 @@ def study(
     ] = None,
     drivers: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="Drivers, with commas; by default fusion_safe,fusion,pdm,frenetix."),
+        typer.Option(metavar="NAMES", help="Drivers, separated by commas; by default fusion_safe,fusion,pdm,frenetix."),
     ] = None,
     rankers: Annotated[
         str | None,
         typer.Option(
-            metavar="NAMES", help="Rankers, with commas; by default foresee,random,selforacle,proximity,careful."
+            metavar="NAMES",
+            help="Rankers, separated by commas; by default foresee,random,selforacle,proximity,careful.",
         ),
     ] = None,
     half: Annotated[
@@ -86,7 +87,8 @@ def study(
     against: Annotated[
         str | None,
         typer.Option(
-            metavar="DRIVERS", help="Reference drivers, with commas, or none; by default those of `campaign`."
+            metavar="DRIVERS",
+            help="Reference drivers, separated by commas, or `none` for no driver; by default those of `campaign`.",
         ),
     ] = None,
     fuzzing: Annotated[
@@ -308,7 +310,7 @@ def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) ->
 
 
 def names_in(text: str | None) -> tuple[str, ...]:
-    """Return the names in a text with commas, each once; none without a text."""
+    """Return the names in a text that separates them by commas, each once; none without a text."""
     return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
 
 
@@ -325,7 +327,7 @@ def half_named(text: str | None) -> Half | None:
 
 
 def numbers_in(text: str, count: int, option: str) -> list[int]:
-    """Return `count` whole numbers, read from a text with commas."""
+    """Return `count` whole numbers, read from a text that separates them by commas."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
         raise typer.BadParameter(f"{text!r}: write {count} whole numbers, separated by commas", param_hint=option)

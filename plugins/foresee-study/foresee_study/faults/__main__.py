@@ -110,11 +110,24 @@ def _chosen(names: Sequence[str]) -> Sequence[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m foresee_study.faults", description=__doc__)
     add = parser.add_argument
-    add("--faults", default="few", help="all, few (six of pdm), or names with commas: pdm/late_objects,idm/runs_amber")
-    add("--strengths", default="0.1,0.2,0.4,0.7,1", help="with commas; approaches are compared at the middle one")
+    add(
+        "--faults",
+        default="few",
+        help="all, few (six of pdm), or names separated by commas: pdm/late_objects,idm/runs_amber",
+    )
+    add(
+        "--strengths",
+        default="0.1,0.2,0.4,0.7,1",
+        help="strengths of the faults, separated by commas; approaches are compared at the middle strength",
+    )
     add("--approaches", default=",".join(DEFAULT), help=f"of {', '.join(APPROACHES)}")
-    add("--half", choices=("even", "odd", "all"), default="even", help="test cases, by the hash of their names")
-    add("--cases", type=int, default=5, help="test cases of each fault")
+    add(
+        "--half",
+        choices=("even", "odd", "all"),
+        default="even",
+        help="half of the test cases, by whether the hash of a name is even",
+    )
+    add("--cases", type=int, default=5, help="number of test cases of each fault")
     add("--seconds-simulated", type=float, default=600.0, help="simulated seconds that each search may use")
     add("--judges", default="idm,frenetix,pdm", help="drivers that judge the failures at the middle strength, or none")
     add("--all-strengths", action="store_true", help="search at every strength, instead of bisecting")

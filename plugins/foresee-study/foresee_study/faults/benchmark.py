@@ -45,7 +45,8 @@ class Plan:
     """The settings of the benchmark.
 
     Attributes:
-        faults: such as `pdm/late_objects`. strengths: ascending; approaches are compared at the middle one.
+        faults: names such as `pdm/late_objects`. strengths: in ascending order; approaches are compared at the middle
+            strength.
         cases: number of test cases per fault. simulated_s: simulated time of each search. judges: drivers that judge
             the failures at the middle strength.
     """

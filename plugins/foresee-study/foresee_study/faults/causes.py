@@ -1,6 +1,6 @@
 """Measures how often a diagnosis names the part of a driver into which a fault was seeded.
 
-A failure is the fault's where the healthy driver passes the same run. Each fault states its part (`Fault.part`); for a
+A fault causes a failure if the healthy driver passes the same run. Each fault states its part (`Fault.part`); for a
 fault of the planning, which no ideal part replaces, the right answer is that no part makes the failure go away.
 """
 
@@ -58,8 +58,10 @@ def measure_causes(
     """Return the diagnoses of failures that seeded faults caused.
 
     Args:
-        faults: such as `pdm/late_objects`. parts: the part of each kind of fault. half: of the test cases.
-        cases: number of test cases that are driven at most for each fault. failures: most failures of each fault.
+        faults: names such as `pdm/late_objects`. parts: the driver's part that each kind of fault is in. half: the half
+            of the test cases that is used.
+        cases: number of test cases that are driven at most for each fault. failures: maximum number of failures of each
+            fault that are diagnosed.
         ends_s: time, as of `time.time`, after which no test case is driven. say: function that is called with a line
             for each fault.
     """

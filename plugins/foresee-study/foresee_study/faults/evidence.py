@@ -11,7 +11,8 @@ R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of
 """Names of the judges that are not a single driver: two driver models, whether any judging driver avoids the failure,
 and whether any judge says that it could be avoided."""
 DRIVERS, NOT_EXCUSED = "the driver's fault", "the driver's fault or arguable"
-"""The judgement of `avoidance.responsibility` about a failure, without and with arguable failures."""
+"""Names of two judges that use `avoidance.responsibility`: the first counts only failures that are the driver's fault,
+the second also counts arguable ones."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,8 @@ class Evidence:
     def of_children(self, simulated_s: float) -> tuple[Failure, ...]:
         """Return the failures of children among these runs.
 
-        Failures of unmutated test cases are left out: the healthy driver passes all of them, so the fault causes each
-        such failure.
+        Failures of unmutated test cases are left out: the healthy driver passes all of these test cases, so their
+        failures come from the fault alone, not from a mutation.
         """
         runs = self.within(simulated_s)
         return tuple(run.failure for run in runs if run.failure is not None and run.kind == "child")

@@ -34,15 +34,16 @@ class Score:
     """The score of one search. The fault causes a failure if the healthy driver passes the same run.
 
     Attributes:
-        failing, the_faults: number of failing children, and of those that the fault causes; of test cases if only these
-        were driven.
+        failing, the_faults: number of failing children, and of those that the fault causes; if only test cases were
+            driven, the numbers of failing test cases.
         findings, right_findings: the same numbers after failures with equal stories are merged; the fault causes a
-        finding if it causes at least half of its failures.
+            finding if it causes at least half of its failures.
         true_findings: number of the fault's findings, including test cases.
-        recall: share of the fault's findings of all approaches that this search has; None if there are none.
+        recall: of the findings of all approaches that the fault causes, the share that this search has; None if there
+            are none.
         first_s: simulated time until the end of the first failure that the fault causes, s; infinite if there is none.
         said, said_right: number of failing runs that a judge calls avoidable, and of those that the fault causes.
-        simulated_s, wall_s: simulated time and wall time of the search.
+        simulated_s, wall_s: simulated time and wall time of the search, s.
     """
 
     failing: int
@@ -130,7 +131,7 @@ class Confusion:
 
     Attributes:
         true_yes: number of failures caused by the fault that the judge calls avoidable.
-        open: failures that it does not decide; they count as called unavoidable.
+        open: number of failures that the judge does not decide; they count as called unavoidable.
     """
 
     true_yes: int

@@ -25,8 +25,8 @@ def name(case: TestCase) -> str:
 
 
 def stratified(cases: Sequence[TestCase]) -> list[TestCase]:
-    """Return test cases in an order in which each prefix has every family in its share; within a family, in the order
-    of the names' hashes.
+    """Return test cases in an order in which every prefix has each family in nearly the same share as the whole; within
+    a family, the hashes of the names give the order.
     """
     families: dict[str, list[TestCase]] = defaultdict(list)
     for case in sorted(cases, key=lambda case: _hash(name(case) + " order")):

@@ -166,7 +166,7 @@ def _verdicts(run: CaseRunOutcome | ChildOutcome, others: Mapping[str, Reference
     if others:
         verdicts[DIFFERENTIAL] = any(reference.avoids for reference in others.values())
     verdicts[ANY] = any(verdicts.values())
-    # Not decided by the healthy driver's run.
+    # The healthy driver's run must not influence the judgement.
     judgement = replace(run, references=tuple(others.values())).responsibility
     if judgement is not None:
         verdicts[DRIVERS] = judgement.whose is Whose.DRIVER

@@ -2,8 +2,8 @@
 the next one.
 
 The mutations of a cycle are independent of each other, and each result is stored under a key of all its inputs. So the
-result is the same for any number of workers, and a stopped command continues with the missing runs. Mutations after a
-failure in its cycle do not count.
+result is the same for any number of workers, and a stopped command continues with the missing runs. The mutations of a
+cycle that come after a failing one do not count.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class _Progress:
     plain: Outcome | None = None
     cycles: list[dict[int, Outcome]] = field(default_factory=list)
     parents: list[str] = field(default_factory=lambda: [""])
-    """For each cycle, the lines of the mutated test case that is mutated in it."""
+    """For each cycle, the lines of the mutated test case that is mutated again in that cycle."""
     chosen: list[int] = field(default_factory=list)
     waits: set[int] = field(default_factory=set)
     """The numbers of the mutations of the cycle that are being run; 0 means the unmutated test case."""

@@ -27,13 +27,14 @@ SWINGS_MPS2 = 0.1 * 9.81
 """The ego oversteers if its lateral acceleration differs from its mean over `MEAN_S` by at least this, m/s^2:
 DriveFuzz's 0.1 g between its two low-pass filters."""
 SPINS_RAD_S = float(np.radians(17.5))
-"""The ego oversteers if its yaw rate is above this, rad/s: DriveFuzz's fuzzy rules no longer call it small."""
+"""The ego oversteers if its yaw rate is above this, rad/s: from there on, DriveFuzz's fuzzy rules do not call a yaw
+rate small."""
 MEAN_S = 1.0
 """Window of the moving mean, s. Ours: a moving mean of 1 s passes frequencies below 0.44 Hz, like DriveFuzz's heavy
 filter of 0.5 Hz."""
 STEERS_RAD = float(np.radians(1.0))
-"""The ego understeers only if its front wheels are turned by at least this, rad. Ours, for DriveFuzz's 10 degrees of
-the steering wheel."""
+"""The ego understeers only if its front wheels are turned by at least this, rad. Ours: DriveFuzz instead requires 10
+degrees at the steering wheel."""
 WIDE_SHARE = 0.9
 """The ego understeers if its yaw rate is at most this share of what the wheel angle implies. Ours: 10 % is far more
 than rounding errors."""

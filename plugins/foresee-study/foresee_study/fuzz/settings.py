@@ -63,8 +63,8 @@ class FuzzSettings:
     """Settings of a fuzzing run; the defaults are DriveFuzz's.
 
     Attributes:
-        cycles: maximum number of cycles per test case. Each cycle mutates the mutant with the lowest score of the one
-            before.
+        cycles: maximum number of cycles per test case. Each cycle mutates the mutant that had the lowest score in the
+            cycle before.
         mutations: number of mutations per cycle.
         seed: seed of all random choices, and of the runs.
         together: if true, each mutation adds or moves an actor and changes the weather, and one in four also adds a

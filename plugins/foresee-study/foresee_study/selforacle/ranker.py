@@ -21,9 +21,9 @@ class SelfOracleSettings:
     """Settings that the paper leaves open.
 
     Attributes:
-        same_moment_s: a segment whose middle is nearer than this to that of a better one counts as the same moment.
-            Ours: 1 s, as for the encounters of the forecaster; neighbouring segments of 2 m show almost the same
-            picture.
+        same_moment_s: a segment counts as the same moment as a better segment if their middles are less than this
+            apart, s. Ours: 1 s, as for the encounters of the forecaster; neighbouring segments of 2 m show almost the
+            same picture.
     """
 
     same_moment_s: float = 1.0

@@ -46,7 +46,9 @@ def resamples(count: int) -> FloatArray:
 
 
 def percentiles(values: FloatArray) -> Interval:
-    """Return the middle 95 % of the values; an infinite end is infinite, and NaN where a twentieth are NaN."""
+    """Return the middle 95 % of the values that are not NaN; an end may be infinite. Both ends are NaN if more than a
+    twentieth of the values are NaN.
+    """
     ordered = np.sort(values[~np.isnan(values)])
     if len(ordered) < 0.95 * len(values) or not len(ordered):
         return Interval(math.nan, math.nan)

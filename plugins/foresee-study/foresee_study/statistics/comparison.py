@@ -106,8 +106,8 @@ def _tested(
 
 
 def signed_rank(first: Sequence[float], second: Sequence[float]) -> float:
-    """Return p that the differences of pairs are around zero (Wilcoxon 1945); pairs without a difference are
-    left out.
+    """Return the p value of the hypothesis that the differences of pairs are symmetric around zero (Wilcoxon 1945);
+    pairs without a difference are left out.
     """
     from scipy.stats import rankdata
 
@@ -117,8 +117,8 @@ def signed_rank(first: Sequence[float], second: Sequence[float]) -> float:
 
 
 def sign_flips(differences: Sequence[int]) -> float:
-    """Return p, by permutation, that whole numbers are around zero: by chance alone, each number could have the other
-    sign as well.
+    """Return the p value, by permutation, of the hypothesis that whole numbers are symmetric around zero: by chance
+    alone, each number could have the other sign as well.
 
     All changes of signs are counted, not a sample of them (Fisher 1935).
     """

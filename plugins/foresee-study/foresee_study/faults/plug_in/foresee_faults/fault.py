@@ -89,11 +89,11 @@ class Fault:
         return getattr(type(self), method) is not getattr(Fault, method)
 
     def between(self, healthy: float, coarse: float) -> float:
-        """Return a value that changes linearly with the strength."""
+        """Return a value that changes linearly with the strength: from `healthy` at 0 to `coarse` at 1."""
         return healthy + self.strength * (coarse - healthy)
 
     def shrinking(self, healthy: float, coarse: float) -> float:
-        """Return a value that changes exponentially with the strength; infinite at a strength of 0."""
+        """Return a value that changes exponentially with the strength: infinite at 0, `coarse` at 1."""
         return healthy * (coarse / healthy) ** self.strength if self.strength > 0 else math.inf
 
     def passage(self, ego: EgoState) -> JunctionPassage | None:
