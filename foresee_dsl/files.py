@@ -140,7 +140,7 @@ def open_outside(file: Path, limit: str = "file") -> BinaryIO:
     try:
         size = _check_ordinary(
             os.fstat(opened.fileno()), file, limit
-        )  # the opened file, in case the path changed in between
+        )  # checked again, in case the path changed in between
     except OSError:
         opened.close()
         raise

@@ -25,7 +25,8 @@ class RunningClock(Protocol):
         """Count the time from now on for a part."""
 
     def begin_decision(self, *, first: bool) -> None:
-        """Count for the driver; `first`: its reset, its closing or its first decision."""
+        """Count the time from now on for the driver; `first`: whether it is reset or closed, or makes its first
+        decision."""
 
     def end(self) -> None:
         """Count again for the part that was active before the last `begin`."""

@@ -112,8 +112,9 @@ def _needed(err: Exception) -> str:
 
 
 def not_installed(extra: str) -> str:
-    """Return that a plug-in of `BESIDE` is not installed, with the command that installs it, or why it cannot be
-    installed: frenetix has wheels for Python up to 3.12 on x86_64 Linux and macOS."""
+    """Return the message that a plug-in of `BESIDE` is not installed. It names the command that installs it, or the
+    reason why it cannot be installed here (frenetix has wheels only for Python up to 3.12 on x86_64 Linux and
+    macOS)."""
     installs = f"not installed: pip install 'foresee-dsl[{extra}]'"
     if extra != "frenetix" or _has_frenetix_wheel(sys.version_info[:2], platform.machine(), sys.platform):
         return installs

@@ -50,7 +50,8 @@ class RandomRanker:
     """Ranks the waypoints of the ego's route in random order, without replacement, each at the frame where the ego was
     nearest.
 
-    Waypoints that the ego did not reach, or reached too early, are left out; two at one frame count once.
+    Waypoints that the ego did not reach, or reached in the first `before_s` seconds, are left out; two waypoints at one
+    frame count once.
     """
 
     name: str = "random"

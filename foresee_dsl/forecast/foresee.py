@@ -42,8 +42,8 @@ def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float
     appearance.
 
     Encounters in the first `before_s` seconds are left out, as the paper does for its exhaustive search (section
-    4.4.3): no clip of full length can begin before the run. If the two stay about as close for longer (both stand, or
-    one follows the other), the encounter is the closest moment that is late enough.
+    4.4.3): no clip of full length can begin before the run. If the ego and the actor stay about as close for longer
+    (both stand, or one follows the other), the encounter is the closest moment that is late enough.
     """
     earliest = math.ceil(before_s / STEP_S - 1e-9)
     radii = [settings.radius_m(info.kind) for info in trace.actors]
@@ -126,8 +126,8 @@ def crosses(trace: Trace, actor: int, ego_path: NDArray[np.float64], settings: F
 class ForeseeRanker:
     """Ranks as the paper does: by group, then pedestrians before vehicles, then by distance to the ego's trajectory.
 
-    The best encounters of all actors come first, as the paper collects one frame per actor; further encounters follow
-    in the same order, for budgets larger than the number of actors."""
+    The best encounter of each actor comes first, because the paper collects one frame per actor; further encounters
+    follow in the same order, for budgets larger than the number of actors."""
 
     settings: ForeseeSettings = field(default_factory=ForeseeSettings)
     name: str = "foresee"
@@ -207,8 +207,8 @@ def _best_per_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[Ri
 
 def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: float) -> RiskyPoint:
     info = trace.actors[encounter.actor]
-    # One unit per group, half a unit for a pedestrian, and less than that for the distance: that gives the same order
-    # as `_order`.
+    # The score has one unit per group, half a unit for a pedestrian, and less than half a unit for the distance, so
+    # that it gives the same order as `_order`.
     score = len(_GROUPS) - _GROUPS.index(group) + 0.5 * (info.kind in PEDESTRIAN_KINDS) + 0.49 / (1 + to_path_m)
     return RiskyPoint(
         rank=0,

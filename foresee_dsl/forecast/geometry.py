@@ -68,8 +68,8 @@ def local_minima(distance_m: FloatArray, *, within_m: float, prominence_m: float
         prominence_m: two minima are one if the distance between them rises by less than this above the larger one.
 
     Returns:
-        For each minimum its frame, and the last frame up to which the distance stays within the prominence of it (the
-        end of a plateau), in order of time.
+        For each minimum its frame, and the last frame up to which the distance exceeds the minimum by less than the
+        prominence (the end of a plateau). In order of time.
     """
     if not (distance_m <= within_m).any():
         return []

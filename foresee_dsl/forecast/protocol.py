@@ -33,8 +33,8 @@ class RiskyPoint:
         score: the ranker's own measure of risk; larger is riskier.
         why: one sentence for the report.
         operator: the mutation operator that the ranker proposes for the actor, or "" for none.
-        begins: the frame at which the change begins, and the clip too (or a hand-over earlier); None if the clip's
-            length decides that.
+        begins: the frame at which the proposed change of the actor begins. The clip begins at the same frame, or
+            earlier by the time of the hand-over to the driver; None if the clip's length decides where the clip begins.
     """
 
     rank: int
@@ -83,8 +83,9 @@ class Ranker(Protocol):
         Args:
             trace: a run that passed.
             seed: seed of all random choices.
-            before_s: o_b; no point lies nearer to the beginning.
-            after_s: o_a; a point may lie nearer to the end (the clip is then shorter).
+            before_s: the paper's offset o_b, s: no point lies nearer than this to the run's beginning.
+            after_s: the paper's offset o_a, s: a point may lie nearer than this to the run's end (the clip is then
+                shorter).
         """
         ...
 

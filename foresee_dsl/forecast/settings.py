@@ -28,13 +28,13 @@ class ForeseeSettings:
             well above it.
         path_step_m: spacing to which recorded paths are thinned before they are intersected. Ours: on the tightest turn
             of a car (5 m) half a metre of chord is 6 mm off the arc.
-        perturbations: N of step 1c. Ours (the paper prints none): the smallest distance over 20 differs by under 2 cm
-            from that over 200, as the errors are small against the threshold.
+        perturbations: N of step 1c. Ours (the paper prints none): the smallest distance over 20 perturbed trajectories
+            differs by less than 2 cm from the smallest over 200, because the errors are small compared with the
+            threshold.
         horizon_s: time before the close encounter at which a perturbed trajectory begins. Ours: 3 s, the shorter of the
             paper's two clip offsets, so that every kind of clip contains the whole roll-out.
-        beyond_s: time for which it continues after the encounter. Ours: 1 s, so that the encounter can become closer
-            than it
-            was.
+        beyond_s: time for which a perturbed trajectory continues after the encounter. Ours: 1 s, so that the encounter
+            can become closer than it was.
         lateral_error_m, longitudinal_error_m, heading_error_rad: largest deviation of a perturbed trajectory at the end
             of the horizon. Reid et al. 2019 (arXiv 1906.01061), passenger vehicle on local roads, which the paper
             cites: 0.29 m, 0.29 m, 0.50 deg.

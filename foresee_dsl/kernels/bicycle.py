@@ -20,7 +20,8 @@ car steerable; reserving 0.3 of the grip sideways costs 4.6 % of the braking (sq
 
 
 class VehicleState(NamedTuple):
-    """The columns of `Trace.states`: centre (m), heading (rad), m/s, m/s^2, rad/s, angle of the front wheels (rad)."""
+    """The columns of `Trace.states`: centre (m), heading (rad), speed (m/s), acceleration (m/s^2), yaw rate (rad/s),
+    angle of the front wheels (rad)."""
 
     x: float
     y: float

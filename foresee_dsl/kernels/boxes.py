@@ -82,7 +82,7 @@ def overlap(a: Box, b: Box) -> bool:
 
 @inner
 def _corners_apart(of: Box, to: Box) -> float:
-    """Return the distance between a box and the nearest corner of another (`of`), m."""
+    """Return the distance between the box `to` and the nearest corner of the box `of`, m."""
     dx, dy = of.x - to.x, of.y - to.y
     cos_to, sin_to, cos_of, sin_of = np.cos(to.heading), np.sin(to.heading), np.cos(of.heading), np.sin(of.heading)
     nearest = np.inf

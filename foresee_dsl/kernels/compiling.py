@@ -59,11 +59,11 @@ class ArgumentKind:
 
 FLOAT, INT, FLAG = (ArgumentKind(np.dtype(kind)) for kind in (np.float64, np.int64, np.bool_))
 FLOATS, INTS, KEYS = (ArgumentKind(np.dtype(kind), 1) for kind in (np.float64, np.int64, np.uint64))
-"""[N], contiguous."""
+"""Arrays of numbers or hash keys, [N], contiguous in memory."""
 TABLE, KEY_TABLE = (ArgumentKind(np.dtype(kind), 2) for kind in (np.float64, np.uint64))
-"""[M, N], contiguous."""
+"""Tables of numbers or hash keys, [M, N], contiguous in memory."""
 ANY_TABLE = ArgumentKind(np.dtype(np.float64), 2, "A")
-"""[M, N], possibly a part of another array."""
+"""A table of numbers, [M, N], which may be a part of another array."""
 BYTE_TABLE, FLAG_TABLE = (ArgumentKind(np.dtype(kind), 2) for kind in (np.uint8, np.bool_))
 CUBE = ArgumentKind(np.dtype(np.float64), 3)
 HYPERCUBE = ArgumentKind(np.dtype(np.float64), 4)

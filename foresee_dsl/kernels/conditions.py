@@ -16,7 +16,8 @@ from foresee_dsl.kernels.compiling import ANY_TABLE, FLOAT, FLOATS, INT, TABLE, 
 from foresee_dsl.kernels.lines import nearest_on_segment
 
 STILL_MPS = 1e-9
-"""Closing speed below which it is a rounding error, m/s: across a town two actors would need a century to meet."""
+"""A closing speed below this is a rounding error, m/s: with it, two actors come 3 m nearer to each other in a
+century."""
 SURE_M = 1e-6
 """Distance to the border of an area below which `beside_area` returns `UNSURE`, m. Ours: a thousand times the rounding
 error of a point at 10 km."""

@@ -111,7 +111,7 @@ def time_to_react(brake_s: FloatArray, steer_s: FloatArray) -> FloatArray:
     """Return for how long a reaction can still wait: the later of time to brake and time to steer, s.
 
     Source: Tamke, Dang and Breuel, "A flexible method for criticality assessment in driver assistance systems" (IEEE
-    Intelligent Vehicles Symposium, 2011). Theirs also counts accelerating, which ours does not.
+    Intelligent Vehicles Symposium, 2011). Their measure also counts a reaction by accelerating, which ours does not.
     """
     later: FloatArray = np.fmax(brake_s, steer_s)
     return later

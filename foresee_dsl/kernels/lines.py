@@ -22,15 +22,15 @@ from foresee_dsl.kernels.records import array_of, dtype_of
 SEARCH_M = 12.0
 """Distance around its last position on a line within which a vehicle is searched first, m; as in `Polyline.project`."""
 SHORTEST_M2 = 1e-12
-"""Least square of a segment's length in a division, m^2. Ours: a micrometre, so that two equal points do not cause a
-division by zero."""
+"""A division uses at least this square of a segment's length, m^2. Ours: a micrometre, so that two equal points do not
+cause a division by zero."""
 _BLOCK = 16
 """Number of segments of a path with a common bounding box. Ours: about the root of a path's number of segments, where
 boxes and segments cost the same."""
 _WEST, _SOUTH, _EAST, _NORTH = range(4)
 _CLEAR_M = 1e-6
-"""Distance (m, or its square) below which bounding boxes may touch. Ours: a thousand times the rounding error of
-coordinates of some kilometres."""
+"""Bounding boxes nearer to each other than this (m; m^2 where squares of distances are compared) may touch. Ours: a
+thousand times the rounding error of coordinates of some kilometres."""
 
 
 class LineVertex(NamedTuple):

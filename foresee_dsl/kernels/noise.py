@@ -58,7 +58,7 @@ def drift(key: np.uint64, frame: int, spacing: int) -> float:
 def error(keys: Hashes, scales: FloatArray, channel: int, frame: int, spacing: int) -> float:
     """Return one channel of an object's noise, with standard deviation 1: the drifting plus the independent part.
 
-    Arguments as for `normals_over`; `keys`: of one object.
+    Arguments as for `normals_over`; `keys`: the keys of one object.
     """
     channels = scales.shape[1]
     value = 0.0
@@ -71,7 +71,8 @@ def error(keys: Hashes, scales: FloatArray, channel: int, frame: int, spacing: i
 
 @inner
 def chance(keys: Hashes, channels: int, frame: int, hold: int) -> float:
-    """Return a number from 0 to 1 that stays the same for `hold` frames; it changes at other frames for each object."""
+    """Return a number from 0 to 1 that stays the same for `hold` frames; the frames at which it changes differ from
+    object to object."""
     phase = np.int64(keys[2 * channels + 1] >> np.uint64(11)) % hold
     return uniform(mixed(keys[2 * channels], (frame + phase) // hold))
 

@@ -32,7 +32,7 @@ class Follower(NamedTuple):
     """An actor on a path.
 
     Attributes:
-        along: its length along the path, m. speed: m/s. pace: the speed to reach, m/s.
+        along: its position, as the length along the path, m. speed: m/s. pace: the speed to reach, m/s.
         acceleration, braking: rates of speeding up and braking, m/s^2, positive.
         stop: length at which it must wait, m; NaN without one. half_length: half its footprint's length, m; 0 for an
             actor that turns on the spot. heading: heading of the path at its position, rad.
@@ -95,7 +95,7 @@ FOLLOWERS, CELLS, SIGHTS = array_of(Follower), array_of(PathCell), array_of(Sigh
 
 @inner
 def _approach(room: float, speed: float, braking: float, dt: float) -> float:
-    """Return the largest speed at the end of this step from which it can still stop within `room`, m/s."""
+    """Return the largest speed at the end of this step from which an actor can still stop within `room`, m/s."""
     left = room - speed * dt / 2
     return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
 

@@ -59,7 +59,7 @@ class SightLimits(NamedTuple):
 
     Attributes:
         reach: distance beyond which bodies hide nothing, m. ahead_share: cosine of half the field of view (less than
-            -1: all around). least_marks: number of a body's marks that must be in sight.
+            -1: all around). least_marks: a body is in sight if at least this number of its marks are.
     """
 
     reach: float

@@ -17,7 +17,7 @@ SIDEWAYS_MPS = 1.0
 SIDEWAYS_SHARE = 0.25
 """Largest lateral speed as a share of the speed, about 14 deg: a standing vehicle does not slide."""
 JUMP_M = 0.5
-"""A front that moves farther than its speed explains, by at least this, was moved by a lane change in SUMO, m."""
+"""If a front moves at least this much farther than its speed explains, m, a lane change in SUMO has moved it."""
 SLOWEST_TURN_MPS = 0.5
 """Lowest speed at which the steering angle is computed from the yaw rate, m/s: at lower speeds the yaw rate is
 noise."""

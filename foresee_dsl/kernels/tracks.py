@@ -82,7 +82,7 @@ class Scan(NamedTuple):
     """An object list: when it was measured, and how far the filters must advance.
 
     It has the ego's position (m), the time of measurement, the time since the previous list, the current time (s), and
-    the remaining share of the rates of objects that were not measured.
+    the share that objects which were not measured keep of their acceleration and yaw rate.
     """
 
     ego_x: float

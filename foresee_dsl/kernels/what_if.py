@@ -21,7 +21,8 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.records import array_of
 
 ROLLOUT_STEP_S = 0.1
-"""Time step of the roll-out, s. Ours: a pedestrian moves 0.1 m in it; it halves the time of single frames."""
+"""Time step of the roll-out, s. Ours: a pedestrian moves 0.1 m in this time; with a step of a single frame the
+computation would take twice as long."""
 FRAMES = 2.0
 """Number of recorded frames per step."""
 LEAST_PACE_MPS = 0.5
@@ -31,7 +32,7 @@ SLACK_M = 0.3
 to standing people."""
 LOOKS = 6
 """Number of moments within a style's horizon at which the ego compares both predicted positions. Ours: at 10 m/s and
-2.5 s they are 4 m apart, about a car's length."""
+with a horizon of 2.5 s, the positions at two moments are 4 m apart, about a car's length."""
 BEFORE_M = 1.0
 """Free distance that the ego keeps before and behind its body, m. Ours."""
 RECOVERS_S = 0.5
@@ -39,7 +40,7 @@ RECOVERS_S = 0.5
 back."""
 AHEAD_S = 1.0
 AHEAD_M = 5.0
-"""Look-ahead on its line with which a steered vehicle aims, s, and its smallest length, m
+"""A steered vehicle aims at a point of its line that is ahead by this time, s, and at least by this length, m
 (`simulate.actors.lane_recovery.RecoverySettings`)."""
 GAINS_MPS2 = 1.5
 """Acceleration with which an actor or the ego returns to its recorded speed, m/s^2. Ours: a moderate one."""
@@ -93,7 +94,8 @@ class Style(NamedTuple):
     """A style of driving along the recorded path.
 
     Attributes:
-        delay: time from the prediction in its way to the braking, s. horizon: prediction time, s. braking: m/s^2.
+        delay: time from the moment at which the ego predicts an actor in its way until it brakes, s. horizon:
+            prediction time, s. braking: m/s^2.
         pace: factor on the recorded speed, from the window's beginning. A slower ego starts earlier so that it meets
             the actor at the same place: only its speed differs.
         aside: its offset to the left (negative: right), m. room: additional free width on both sides, m.
@@ -156,7 +158,7 @@ def _pose(track: FloatArray, clock: float) -> tuple[float, float, float]:
 
 @inner
 def _mps(track: FloatArray, clock: float) -> float:
-    """Return the recorded speed at a clock, m/s."""
+    """Return the recorded speed at a clock (a fractional frame of the track), m/s."""
     k = min(max(int(clock), 0), track.shape[0] - 1)
     return float(track[k, 3] * FRAMES / ROLLOUT_STEP_S)
 
@@ -179,8 +181,8 @@ def _advanced(track: FloatArray, clock: float, way: float) -> float:
 
 @inner
 def _paced(pace: float, track: FloatArray, now: _Moves) -> float:
-    """Return the share of the recorded speed one step later: an actor does not wait shorter or accelerate faster than
-    recorded."""
+    """Return the share of the recorded speed one step later: an actor waits no shorter, and accelerates no faster, than
+    in the recorded run."""
     mps, later = _mps(track, now.clock), _mps(track, now.clock + FRAMES)
     if later < STANDS_MPS:
         return 1.0

@@ -21,7 +21,8 @@ from foresee_dsl.kernels.tracks import TRACKS
 
 @compiled(r.EGOS, r.ROUTE, FLOAT)
 def steer(egos: Records, route: Records, offset: float) -> float:
-    """Return the front-wheel angle, rad, with which the lateral error decays critically damped over the distance.
+    """Return the front-wheel angle, rad, that makes the lateral error decay over the distance driven, critically
+    damped.
 
     In the route's coordinates, d'' = -2 d' / l - (d - offset) / l^2 with l from `decay_length`; the curvature of the
     route is fed forward. In bends the rear axle is kept inside the line by the distance that the car's centre is
@@ -60,7 +61,8 @@ def pedals(egos: Records, angle: float, acceleration: float) -> tuple[float, flo
 def _follow(egos: Records, route: Records, offset: float, acceleration: float) -> tuple[float, float, float]:
     """Return steering, throttle and brake for an offset (m) and an acceleration.
 
-    Except for hard braking, the acceleration is kept near the current one; the lag of the drivetrain does the rest.
+    Except for hard braking, the acceleration is kept near the current one; together with the lag of the drivetrain this
+    limits the jerk.
     """
     ego = egos[0]
     if acceleration >= -cfg.BRAKING_MPS2:

@@ -20,8 +20,8 @@ PATH_M = 1.0
 """Spacing of the points of the crossing streams' paths, m."""
 PATH_STRIDE = 2
 STEEPEST_BEND = 0.6
-"""Largest product of offset and curvature at which an actor is predicted along the road. Ours: at 1 it is at the centre
-of the bend, where the route's coordinates end."""
+"""Largest product of offset and curvature at which an actor is predicted along the road. Ours: at 1 the actor is at the
+centre of the bend, where the route's coordinates end."""
 CREEP_MPS = 4.0
 CREEP_BRAKING_MPS2 = 2.0
 """Maximum speed, m/s, and braking, m/s^2, of a vehicle that creeps while it waits for the ego inside a junction, and is

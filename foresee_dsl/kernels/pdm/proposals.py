@@ -122,7 +122,8 @@ def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
 
 @compiled(r.EGOS, r.ACTORS, r.PREDICTION, FLOATS)
 def find_leaders(egos: Records, actors: Records, predicted: Records, offsets: FloatArray) -> Records:
-    """Return the nearest actor ahead at each offset and frame, [O, T]; at `FAR_M` without one."""
+    """Return the nearest actor ahead at each offset and frame, [O, T]; if there is no actor ahead, its place is
+    `FAR_M`."""
     leaders = np.empty((len(offsets), predicted.shape[1]), LEADER)
     front, side = egos[0]["s"] + egos[0]["front"], egos[0]["width"] / 2 + cfg.CORRIDOR_MARGIN_M
     for o in range(len(offsets)):
@@ -143,8 +144,7 @@ def find_leaders(egos: Records, actors: Records, predicted: Records, offsets: Fl
 
 
 BRAKING = 4
-"""Number of the last proposals, which brake: comfortably and as hard as possible, at the ego's offset and in the
-middle."""
+"""The last four proposals brake: comfortably and as hard as possible, at the ego's offset and in the lane's middle."""
 _HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
 _PER_NEARING = 1.0 / (2.0 * math.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2))
 _SHARES = len(cfg.SPEED_SHARES)

@@ -22,7 +22,8 @@ SEARCH_BEHIND_M = 30.0
 SAMPLED = 16
 """Stride of the coarse points that give a first upper bound of the distance. Ours: about the root of their number."""
 ROUNDING_M = 0.001
-"""Slack of that bound, m. Ours: more than rounding errors can make a skipped point nearer."""
+"""Slack of that bound, m, so that rounding errors never make the search skip the nearest point. Ours: larger than those
+errors."""
 
 
 @inner

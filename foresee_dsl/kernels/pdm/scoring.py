@@ -22,7 +22,7 @@ NEAR_M = 6.0
 """Lateral distance from the route above which predicted footprints are ignored, m. Ours."""
 
 ROUNDING_M = 1e-6
-"""Slack for rounding errors, m. Ours: far larger than they are."""
+"""Slack for rounding errors, m. Ours: far larger than those errors."""
 
 
 @inner

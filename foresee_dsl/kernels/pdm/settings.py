@@ -25,8 +25,8 @@ every light."""
 HEADWAY_S = 1.5
 ACCELERATION_MPS2 = 1.5
 BRAKING_MPS2 = 3.0
-"""Headway, s, acceleration and comfortable braking, m/s^2, of the IDM: PDM's configuration. Table I of the IDM has T
-1.6 s, a 0.73, b 1.67 for motorways."""
+"""Headway, s, acceleration and comfortable braking, m/s^2, of the IDM: PDM's configuration. Table I of the IDM has a
+headway T of 1.6 s, an acceleration a of 0.73 m/s^2 and a braking b of 1.67 m/s^2, for motorways."""
 KINEMATIC_FACTOR = 1.0
 """The IDM's braking is limited to the larger of `BRAKING_MPS2` and this factor times closing speed^2 / gap. Ours: twice
 the braking needed at constant speed; the plain IDM brakes with 8 m/s^2 for a slower car that cuts in 10 m ahead, where
@@ -72,8 +72,8 @@ FOE_HEADING_RAD = 0.785
 """An actor within this distance, m, and this angle, rad, of a foe's path is on it. Ours: 1.5 m (half a lane is 1.6 m)
 and 45 degrees."""
 FOE_EXTENSION_M = 60.0
-"""Length of the straight prolongation before a foe's path, m. Ours: at 50 km/h a gap of 5 s is 70 m, and the path has
-60 m."""
+"""Length of the straight prolongation before a foe's path, m. Ours: at 50 km/h an actor that arrives in 5 s is 70 m
+away, and the prolongation covers 60 m of these."""
 FOE_STOPS_MPS2 = 3.5
 """Braking up to which an actor that must give way to the ego is expected to stop, m/s^2. Ours: above the 3 m/s^2 of the
 amber decision, so that lawful late braking raises no alarm; an actor that will not stop is recognised about 2 s before
@@ -83,8 +83,8 @@ FOE_ACCELERATION_MPS2 = 1.5
 
 PEDESTRIAN_SPEEDS_UP_MPS2 = 0.3
 BICYCLE_SPEEDS_UP_MPS2 = 1.0
-"""Possible acceleration of a pedestrian or cyclist, m/s^2, by which the front of the predicted footprint runs ahead of
-constant velocity. Ours: about the acceleration of a cyclist who sets off."""
+"""Possible acceleration of a pedestrian or cyclist, m/s^2: the front of the predicted footprint is as far ahead as this
+acceleration allows, compared with constant velocity. Ours: about the acceleration of a cyclist who sets off."""
 
 # --- signals and right of way ------------------------------------------------------------------------------------
 STOP_MARGIN_M = 0.5
@@ -107,8 +107,8 @@ YIELD_BRAKING_MPS2 = 4.0
 """Braking up to which the ego gives way to vehicles, m/s^2; to pedestrians it gives way with its strongest braking.
 Ours."""
 AT_WAIT_M = 1.5
-"""Distance to the waiting place within which standing vehicles are assumed to let the ego go (or to have red), m; if
-the ego is farther away, they may be about to start with the same green. Ours."""
+"""If the ego is within this distance of its waiting place, m, it assumes that standing vehicles let it go (or have
+red); if it is farther away, they may be about to start with the same green. Ours."""
 QUEUE_MPS = 1.5
 """Speed below which a vehicle ahead may be the end of a queue that reaches back into the junction, m/s. Ours."""
 JUNCTION_REACH_M = 80.0
@@ -145,8 +145,8 @@ TRACK_LENGTH_M = 2.0
 OFFSET_LATERAL_MPS2 = 2.0
 """Lateral acceleration of a change of offset, m/s^2. Ours: below `LATERAL_COMFORT_MPS2`."""
 CURVATURE_PREVIEW_S = 0.15
-"""Time ahead of which the curvature determines the wheel angle, s: compensates the steering rate. Ours: the best of 0,
-0.15 and 0.3 s on turns of 6, 10 and 30 m."""
+"""The curvature of the route this time ahead, s, determines the wheel angle, which compensates for the limited steering
+rate. Ours: the best of 0, 0.15 and 0.3 s on turns of 6, 10 and 30 m."""
 SMOOTHING_MPS2 = 0.8
 """Largest difference of the requested acceleration from the current one, m/s^2. Ours: with a lag of 0.2 s in the
 drivetrain (0.1 s in the brakes) the jerk stays below 4 (8) m/s^3, nuPlan's bound. It does not apply to braking harder

@@ -24,7 +24,8 @@ Policy = Callable[[NDArray[np.float32]], NDArray[np.floating]]
 """A policy: from the vector of `ObjectList`, [SIZE] float32, to an action, [2]."""
 USAGE = "write gym:POLICY.onnx, gym:POLICY.zip (Stable-Baselines3), gym:FILE.py:FUNCTION or gym:MODULE:FUNCTION"
 _WRITTEN = 12
-"""Number of hexadecimal digits of a file's SHA-256 in the version. Ours: as in the files of mutants."""
+"""Number of hexadecimal digits of a file's SHA-256 that the driver's version contains. Ours: as in the files of
+mutants."""
 
 
 class PolicyDriver:
@@ -80,7 +81,7 @@ def _onnx(file: Path) -> Policy:
     options.use_deterministic_compute = True
     try:
         session: Any = onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
-    except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
+    except Exception as err:  # onnxruntime's exceptions have no common class
         raise DriverError(
             f"gym:{file} is not a network that onnxruntime can read: {' '.join(str(err).split())}"
         ) from err

@@ -22,7 +22,7 @@ from foresee_dsl.simulate.sensing import IDEAL, STANDARD
 PER_METRE = 0.1
 """Reward of a metre along the route. Ours: a route of 100 m gives as much as a failure takes."""
 FAILURE = -10.0
-"""Reward of a failure. Ours, as above."""
+"""Reward of a failure. Ours: see `PER_METRE`."""
 
 Array = NDArray[Any]
 
@@ -54,7 +54,8 @@ def progress_reward(transition: Transition) -> float:
 
 
 class ForeseeEnv(gymnasium.Env[Array, Array]):
-    """One run an episode: the test case's verdict ends it (`terminated`), or its time (`truncated`).
+    """An environment in which an episode is one run: the test case's verdict ends it (`terminated`), or its time
+    (`truncated`).
 
     Actions are two numbers: steer from -1 (right) to 1 (left), pedals from -1 (full brake) to 1 (full throttle). A step
     takes 0.05 s of simulated time.
@@ -79,7 +80,7 @@ class ForeseeEnv(gymnasium.Env[Array, Array]):
                 -1.0, 1.0, (ObjectList.SIZE,), np.float32
             )
         else:
-            picture = self._begin(0, 0)  # its shape is known when it was drawn once
+            picture = self._begin(0, 0)  # the picture must be drawn once before its shape is known
             self.observation_space = gymnasium.spaces.Box(0, 255, picture.shape, np.uint8)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

@@ -33,7 +33,8 @@ _LEVEL_M = 0.5
 """If no place of a file is higher than this, m, its heights are ignored, because CARLA's older route files have 0
 everywhere (ours)."""
 _DENSE_M = 15.0
-"""A place without a yaw gets the direction to the next place up to this distance, m (ours: no corner in between)."""
+"""A place without a yaw gets the direction to the next place if that is at most this far away, m (ours: then there is
+no corner in between)."""
 _NAMES = {
     "3": ("DynamicObjectCrossing", "ParkingCrossingPedestrian", "PedestrianCrossing"),
     "4": ("VehicleTurningRoute", "VehicleTurningRoutePedestrian"),

@@ -50,11 +50,13 @@ class PlacedRoute:
     Attributes:
         named: the edges to write; the route is made up of the shortest paths between them. The last may be after the
             goal.
-        begin_m: from the beginning of the route to the ego's front. beside_m: to the left of its first lane.
-        finish_m: from the ego's front to the goal, along the line.
+        begin_m: distance from the beginning of the route to the ego's front. beside_m: offset to the left of the middle
+            of its first lane.
+        finish_m: distance from the ego's front to the goal, along the line.
         start_off_m: distance between CARLA's start and the ego's centre at its start.
         line: the line that the ego follows. s: position of the ego's front on it, m.
-        trigger_m: from the ego's start to the trigger. trigger: the trigger, or None if none belongs to the route.
+        trigger_m: distance from the ego's start to the trigger. trigger: the trigger, or None if none belongs to the
+            route.
     """
 
     route: CarlaRoute
@@ -251,7 +253,8 @@ class _Drive:
         return min(length_to(self.line, pose, max(self.start_s - TRIGGER_FAR_M, 0.0)), self.goal_s)
 
     def off(self, pose: Pose) -> float:
-        """Return the distance of a place from the line, m; infinite for a place of another direction."""
+        """Return the distance of a pose from the line, m; infinite if the pose faces in another direction than the
+        line."""
         x, y, heading = self.line.at(self.s_of(pose))
         if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
             return math.inf

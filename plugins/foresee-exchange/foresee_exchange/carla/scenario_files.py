@@ -46,7 +46,8 @@ _MIXED = (
 
 
 def catalogue_of(types: Sequence[Mapping[str, str]], left_out: Counter[str]) -> Catalogue:
-    """Return a catalogue of vTypes by their attributes: sizes and classes are theirs, all else the class's default."""
+    """Return a catalogue of models for SUMO's vehicle types: their sizes and classes come from the types, all other
+    values are the defaults of the class."""
     models: dict[str, VehicleModel] = {}
     for type_ in types:
         group = _CLASSES.get(type_.get("vClass", "passenger"))

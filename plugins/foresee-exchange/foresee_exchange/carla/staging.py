@@ -24,9 +24,9 @@ from foresee_exchange.carla.placed_route import PlacedRoute, kerbs, passages_of
 STAGED = ("3", "4", "7", "8", "9")
 """The families whose behaviour is modelled."""
 Variant = Literal["", "walker", "crossing", "open"]
-"""Kinds of behaviour on a route. "": that of the family. `walker`, for 7 to 9: a pedestrian crosses behind the
+"""Kinds of behaviour on a route. "": the family's behaviour. `walker`, for 7 to 9: a pedestrian crosses behind the
 junction, because no movement conflicts with the ego's. `crossing`, for 4: the behaviour of family 3, because there is
-no room behind the junction. `open`: none."""
+no room behind the junction. `open`: no behaviour."""
 
 AHEAD_M = 12.0
 """Distance of a crossing pedestrian behind the trigger, m: the default `distance` of CARLA's DynamicObjectCrossing
@@ -169,7 +169,7 @@ _NOTHING: _Staged = ("open", {})
 
 
 def _crossing(network: RoadNetwork, _: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Return family 3: a pedestrian crosses behind the trigger, and a cyclist farther on."""
+    """Return the behaviour of family 3: a pedestrian crosses behind the trigger, and a cyclist crosses farther on."""
     room = placed.finish_m - _BEFORE_GOAL_M
     if room < _NEAREST_M:
         return _NOTHING
@@ -197,7 +197,8 @@ def _crossing(network: RoadNetwork, _: Mapping[str, Signal], placed: PlacedRoute
 
 
 def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Return family 4: an obstacle stands behind the junction, and a cyclist crosses behind it."""
+    """Return the behaviour of family 4: an obstacle stands behind the junction, and a cyclist crosses behind the
+    obstacle."""
     passages = sorted(passages_of(network, placed), key=lambda junction: junction.turn not in ("left", "right"))
     rooms = [(junction, min(placed.goal_s, placed.line.end_s) - junction.exit_s - 1.0) for junction in passages]
     passage, room = next(((junction, room) for junction, room in rooms if room >= _LEAST_ROOM_M), (None, 0.0))
@@ -226,7 +227,7 @@ def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pla
 
 
 def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Return family 7, 8 or 9: another vehicle reaches the junction at the same time."""
+    """Return the behaviour of family 7, 8 or 9: another vehicle reaches the junction at the same time as the ego."""
     family = placed.route.family
     passages = sorted(passages_of(network, placed), key=lambda junction: junction.signal is None)
     speed = _OTHER_SPEEDS[number % len(_OTHER_SPEEDS)]

@@ -22,10 +22,12 @@ SAME_WAY_RAD = math.radians(60)
 """Largest difference between the directions of a place and its lane: with 60 degrees all 612 routes of Town01 to 10
 are found (measured)."""
 ALIKE_M, NEARLY_M = 0.1, 1.0
-"""A place may be on any lane at most `ALIKE_M` farther than the nearest (ours); the shorter way decides. Lanes up to
-`NEARLY_M` farther count if the others need a long detour: lanes of a junction overlap."""
+"""A place may be on any lane that is at most `ALIKE_M` farther away than the nearest lane (ours); the lane with the
+shorter way is chosen. Lanes up to `NEARLY_M` farther count if the others need a long detour: lanes of a junction
+overlap."""
 TURNED_M = 20.0
-"""Cost of a difference in direction, in metres of route length per radian (ours: roads that cross at 30 degrees)."""
+"""Cost of a difference in direction, in metres of route length per radian (ours: so that roads that cross at 30 degrees
+are told apart)."""
 _SLACK_M = 2.0
 """A place counts as reached if it is at most this far behind the previous one, m (ours: lanes of a road differ by as
 much)."""
@@ -126,7 +128,8 @@ def way_between(
 
 
 def _cost_m(place: OnLane, best_m: float) -> float:
-    """Return the cost of placing a place on this lane, in metres of route; up to `best_m` lanes are equally good."""
+    """Return the cost of placing a place on this lane, in metres of route; lateral distance costs far more beyond
+    `best_m`."""
     beyond = max(place.off_m - best_m, 0.0)
     return 10 * place.off_m + DETOUR * beyond + INSIDE_M * place.lane.internal + TURNED_M * place.turned_rad
 

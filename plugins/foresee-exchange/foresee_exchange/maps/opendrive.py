@@ -31,7 +31,8 @@ _TAKEN_LANES = (
 )
 _NO_CROSSING = "crosswalk objects without a crossing (they are not at a junction where sidewalks meet)"
 _ON_CROSSING_M = 0.5
-"""Largest distance between a crossing and its crosswalk, m. Ours: crossings are moved there, up to rounding."""
+"""Largest distance between a crossing and its crosswalk, m. Ours: each crossing is moved onto its crosswalk, so that
+only rounding errors remain."""
 _LEVEL_M = 0.01
 _DATE = re.compile(rb'(<header\b[^>]*?) date="[^"]*"')
 _LANE_TYPES = {b"bus_lane": b"bus", b"bay": b"bus", b"cycle_lane": b"biking", b"cycle_track": b"biking"}
@@ -66,7 +67,8 @@ def run(file: Path, *, out: Path, part: Part | None = None, tell: Tell = in_sile
 
 
 def _run_part(file: Path, part: Part, out: Path, tell: Tell) -> Imported:
-    """Write the part as a SUMO network, because netconvert cuts it out while it converts the map."""
+    """Write the part as a SUMO network, not as an OpenDRIVE map, because netconvert cuts a part out only while it
+    converts the map to a network."""
     name = part_name(name_of(file.name.removesuffix(".gz").removesuffix(".xodr"), "map"))
     box = part if isinstance(part, Boundary) else _around(part, file)
     with tempfile.TemporaryDirectory(prefix="foresee-map-") as folder:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
+from xml.etree.ElementTree import Element, SubElement, tostring  # only to build elements; `safe_xml` parses
 
 from foresee_dsl.compile.foreign.networks import Tell, in_silence
 from foresee_dsl.compile.nets.net_reader import read_net

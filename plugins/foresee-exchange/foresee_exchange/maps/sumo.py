@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import tostring  # no parsing: that is safe_xml's
+from xml.etree.ElementTree import tostring  # only to write elements; `safe_xml` parses
 
 from foresee_dsl.compile.foreign.geometry_repair import Geometry
 from foresee_dsl.compile.foreign.networks import Tell, in_silence

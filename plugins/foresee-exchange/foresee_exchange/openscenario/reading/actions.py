@@ -53,7 +53,7 @@ class TriggerBuilder:
     _used: set[str] = field(default_factory=set)
 
     def whens(self, events: Sequence[Event]) -> Iterator[m.When]:
-        """Yield a trigger for each event that has any action left."""
+        """Yield a trigger for each event of which at least one action can be imported."""
         for event in events:
             if event.lost:
                 self.losses.lose(event.lost, event.title)
@@ -75,8 +75,8 @@ class TriggerBuilder:
         return [*actions, *self._afterwards(event)]
 
     def _afterwards(self, event: Event) -> list[m.Action]:
-        """Return the blocks of events that wait for the end of another: first, together, those without further
-        conditions, then one with conditions."""
+        """Return the blocks of the events that wait for the end of this event: first one block for all events without
+        further conditions, then the block of one event with conditions; further ones are reported as lost."""
         plain = [a for other in event.at_end if not other.steps for a in self._block(other)]
         blocks: list[m.Action] = [m.Then(actions=tuple(plain))] if plain else []
         waiting = [other for other in event.at_end if other.steps]
@@ -342,7 +342,8 @@ def speed_changes(state: EntityState, profile: SpeedProfile) -> list[m.Action]:
 
 
 def _changes(state: EntityState, was: float | None, to: float, over_s: float | None) -> m.ChangesSpeed:
-    """Return a change of speed; one at once takes one step of ours, which a generated model can do."""
+    """Return a change of speed; an immediate change takes one step of our simulation, which a generated model can
+    do."""
     step = over_s == 0 and not state.entity.bundled and not state.on_lanes
     if step:
         over_s, was = FRAME_S, state.most_mps if to < state.most_mps else 0.0

@@ -62,7 +62,7 @@ class ActorBuilder:
     """Builds actors from entities on a network; `ways` receives the remaining way of each.
 
     `lane_keepers`: entities that need lanes. `lane_changers`: those that change lanes. `beginnings`: pose and speed
-    (m/s) of each at the beginning.
+    (m/s) of each entity at the beginning.
     """
 
     source: Source
@@ -348,11 +348,12 @@ def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.
 def _timed(
     profile: tracks.SpeedProfile | None, routing: Element | None, begins_s: float | None
 ) -> tracks.SpeedProfile | None:
-    """Return a profile with the action's offset and scale of times, from the beginning of the action; None if the file
-    tells to ignore times.
+    """Return a profile whose times are scaled and shifted as the action states, and count from the action's beginning;
+    None if the file says that times are ignored.
 
     Raises:
-        NotExpressed: its times are those of the run, and the action begins at an unknown time.
+        NotExpressed: the profile's times count from the run's beginning, but the time at which the action begins is
+            unknown; or the trajectory begins before the action.
     """
     if routing is None or routing.find("TimeReference/None") is not None:
         return None

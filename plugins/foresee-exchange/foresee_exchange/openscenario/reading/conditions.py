@@ -58,8 +58,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Start:
-    """The point at which something starts: after a part of the storyboard (type, name, state), if any, then after the
-    steps in order.
+    """The point at which something starts: when a part of the storyboard (type, name) has reached a state, if `after`
+    has one, and the steps have then happened in their order.
     """
 
     steps: tuple[Step, ...] = ()
@@ -80,8 +80,8 @@ class ConditionReader:
 
     Attributes:
         entities, places: those that triggers may name. ways: remaining ways of actors, by their new names.
-        values: values of parameters and variables. changing: names of those that actions change. beginnings: beginnings
-            of actors, by their new names.
+        values: values of parameters and variables. changing: names of the parameters and variables that actions change.
+            beginnings: beginnings of actors, by their new names.
     """
 
     entities: Mapping[str, Entity]
@@ -140,7 +140,7 @@ class ConditionReader:
         return condition is not None and holds_at_start(condition, self.beginnings) is False
 
     def _group(self, group: Element) -> Start:
-        """Return the start of a group of conditions, which must hold together."""
+        """Return the `Start` that a group of conditions describes; all of its conditions must hold at once."""
         parts: list[tuple[m.Condition, str]] = []
         after: tuple[str, str, str] | None = None
         after_delay, delays = 0.0, set[float]()
@@ -161,7 +161,7 @@ class ConditionReader:
             covered = condition.find("ByEntityCondition/EntityCondition/TraveledDistanceCondition")
             never_before = (
                 covered is not None and number(covered, "value") > 0
-            )  # the time begins to hold once, after the start
+            )  # a covered distance is reached once, after the start
             edge = condition.get("conditionEdge", "none")
             parts.append((part, "none" if never_before and edge == "rising" else edge))
         if len(delays) > 1:
@@ -379,7 +379,8 @@ def _steps(parts: Sequence[tuple[m.Condition, str]], wait_s: float) -> list[Step
 
 
 def _edge(part: m.Condition, edge: str) -> m.Condition:
-    """Return the condition at whose moment another begins to hold, or ends: it holds now, but not a frame earlier."""
+    """Return a condition that holds only at the moment at which `part` begins (or ceases) to hold: `part` holds now,
+    but did not hold a frame earlier (or the reverse)."""
     if edge == "none":
         return part
     if edge == "risingOrFalling":
@@ -446,7 +447,7 @@ def _called(kind: Element) -> str:
 
 
 def _compares(value: str, rule: str, with_: str) -> bool:
-    """Return the comparison of a parameter's value with another: as numbers if both are numbers."""
+    """Return the result of comparing a parameter's value with another value: as numbers if both are numbers."""
     try:
         off = float(value) - float(with_)
     except ValueError:

@@ -93,7 +93,7 @@ class _Reading:
     """The result of reading a file with one set of parameter values: the scenario, its comments, its other files.
 
     Attributes:
-        catalogue: the new models. requirements: of each of them, by its name.
+        catalogue: the new models. requirements: what the scenario requires of each new model, by the model's name.
     """
 
     scenario: m.Scenario
@@ -236,7 +236,8 @@ def _import_variation(variation: Variation, settings: _Settings) -> Imported:
 
 
 def _joined(name: str, group: Sequence[_Reading], variation: Variation, *, whole: bool) -> _Reading:
-    """Return readings of one kind as one, with parameters and cases; `whole`: they are the complete variation."""
+    """Return readings of one kind as one, with parameters and cases; `whole`: whether these are all readings of the
+    variation."""
     first = group[0]
     same = {
         key: value for key, value in first.values.items() if all(reading.values.get(key) == value for reading in group)

@@ -59,7 +59,8 @@ class Inits:
         return inits
 
     def take_at_once(self, events: list[Event]) -> None:
-        """Move places and speeds from events at time 0 into the beginning, as some tools write them there."""
+        """Move places and speeds from events at time 0 into the beginning, because some tools write them in such
+        events."""
         for event in events:
             kept = []
             for kind in event.actions:

@@ -38,7 +38,7 @@ class Places:
         referred: returns the child element of a kind, or the one in a catalogue that it refers to.
         along: returns the direction of the road at a point, rad, or None off the roads.
         mirrored: coordinates are left-handed, as in CARLA. minor: second number of the standard's version.
-        earlier: places of entities before their last one, which may be relative to them.
+        earlier: places that entities had before their last place, which may be relative to an earlier one.
         moving: entities that may leave their first place.
         line_of: returns the poses along a `<Trajectory>`.
     """
@@ -86,7 +86,7 @@ class Places:
         fixed position.
 
         Raises:
-            NotExpressed: it does not turn with the entity.
+            NotExpressed: the position does not turn with the entity.
         """
         kind = next(iter(position), None)
         ref = kind.get("entityRef", "") if kind is not None else ""

@@ -16,8 +16,8 @@ from foresee_exchange.openscenario.reading.places import Places, point_of
 
 RELATED = ("LaneOffsetAction", "LateralDistanceAction", "LongitudinalDistanceAction", "SynchronizeAction")
 _ACCELERATIONS: Mapping[str, float] = {"cubic": 6.0, "sinusoidal": math.pi**2 / 2, "linear": 4.0}
-"""Highest lateral acceleration of a move by 1 m in 1 s, m/s^2: of a cubic and of a sinusoidal curve; for a linear one,
-which has none, that of two parabolas."""
+"""Highest lateral acceleration of a move by 1 m in 1 s, m/s^2, by the shape of the move. A linear move has no
+acceleration; its value is that of a move along two parabolas."""
 _ONCE = "distances that are to be reached only once are kept to the end"
 
 

@@ -163,8 +163,8 @@ class Roads:
         return list(zip(begins, [*begins[1:], self.length(road)], sections, strict=True))
 
     def lane_behind(self, road: str, lane: int, *, onward: bool) -> tuple[str, int, bool] | None:
-        """Return road and lane behind a lane's end in a direction, the straightest, and whether the road begins
-        there."""
+        """Return the road and the lane that follow a lane's end in a direction (the straightest of several), and
+        whether that road begins there."""
         for step in self._followers(road, onward=onward):
             if to := step.lanes.get(lane, 0):
                 return step.road, to, step.begins

@@ -47,7 +47,8 @@ _END_S = 60.0
 """Duration if the file has none, s (the language's own default)."""
 _SAYS_SO = re.compile(r"\s*CARLA\s*:", re.IGNORECASE)
 _ENOUGH = 2
-"""Number of vehicles that decide without a hint: a single one may be on the wrong side on purpose (ours)."""
+"""Least number of vehicles whose places decide whether coordinates are left-handed, if the file gives no hint: a single
+vehicle may be on the wrong side on purpose (ours)."""
 _TOWN = re.compile(r"(^|[/\\])Town\d\d", re.IGNORECASE)
 
 

@@ -173,7 +173,7 @@ def _phases_in_order(signal: Signal, at: tuple[str, float] | None, until_s: floa
 
 
 STANDS_M = 1e-6
-"""An actor that moved less than this between two frames stands, m; of a standstill, its trajectory has only the first
+"""An actor that moved less than this between two frames stands, m; for a standstill, its trajectory has only the first
 and the last frame."""
 
 

@@ -34,9 +34,10 @@ class Drawn:
 
     Attributes:
         kind: `uniform`, `normal` and `choice` exist in the language; values of the others are drawn by the import.
-        low, high: the range, for kinds without weights. mean, deviation: of `normal`; of `lognormal`, those of the
-            logarithm; `poisson` has a mean only.
-        options: the values of a `choice`. bins: the ranges of a `histogram`. weights: of either, in the same order.
+        low, high: the range, for kinds without weights. mean, deviation: those of a `normal`, or of the logarithm of a
+            `lognormal`; a `poisson` has only a mean.
+        options: the values of a `choice`. bins: the ranges of a `histogram`. weights: one for each option or bin, in
+            the same order.
     """
 
     kind: Literal["uniform", "normal", "lognormal", "poisson", "choice", "histogram"]

@@ -71,9 +71,9 @@ def shape_of(scenario: m.Scenario) -> str:
 def merged(parts: Sequence[Part], doc: str, drawn: Mapping[str, Drawn], runs: int, seed: int) -> Part:
     """Return scenarios of one shape as one with parameters.
 
-    If its values follow from the file's parameters by sums and factors, it has those parameters; its cases are drawn as
-    in the file (`drawn`; `runs` of them from `seed`), or are all combinations, if `parts` are. Otherwise each part
-    becomes a written case.
+    If the values follow from the file's parameters by sums and factors, the result has those parameters. Its cases are
+    then drawn as in the file (`runs` cases from `seed`, with the distributions `drawn`), or are all combinations of
+    values, if `parts` are. Otherwise each part becomes a written case.
     """
     scenario = parts[0].scenario
     table = [dict(quantities(part.scenario)) for part in parts]
@@ -119,8 +119,8 @@ def _with(
 def _written(
     scenario: m.Scenario, table: Sequence[Mapping[Slot, m.Quantity]], differ: Sequence[Slot], taken: set[str]
 ) -> tuple[list[m.ScenarioItem], dict[Slot, object], dict[Slot, str]]:
-    """Return a parameter per differing value (one for several that are always equal), the references that replace the
-    values, and the first place of each."""
+    """Return a parameter for each value that differs (one parameter for several values that are always equal), the
+    references that replace the values, and the name of each parameter by the first place of its value."""
     params: list[m.ScenarioItem] = []
     values: dict[Slot, object] = {}
     names: dict[Slot, str] = {}

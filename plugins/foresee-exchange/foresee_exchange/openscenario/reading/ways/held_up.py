@@ -27,7 +27,7 @@ _LOOKS_S = 20.0
 """Time horizon in which bends and slower actors ahead matter, s (ours: a third of the usual run)."""
 _SLOWER = 0.98
 _IN_THE_WAY_M = 2.0
-"""Largest distance from the way of an actor that stands on it, m (ours: half a lane)."""
+"""An actor at most this far from the line of a way is on that way, m (ours: half a lane)."""
 _NEAR_S = 1.5
 """An actor within this time ahead that is not faster holds a vehicle up, s (ours: SUMO's gap of 1 s plus half)."""
 _STRAIGHT_M = 0.02

@@ -185,7 +185,8 @@ def _knots(time_s: NDArray[np.float64], speed: NDArray[np.float64], slack: float
 def _fitted(
     time_s: NDArray[np.float64], way: NDArray[np.float64], knots: NDArray[np.float64], speed: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the speeds at the knots whose distances are nearest to `way` and that are near `speed` (least squares)."""
+    """Return the speeds at the knots for which the distances covered fit `way` best and the speeds stay near `speed`
+    (least squares)."""
     unit = np.eye(len(knots))
     columns = [np.r_[_covered(time_s, knots, row), _STEADY_S * row] for row in unit]
     way = np.r_[way, _STEADY_S * speed]
