@@ -1,8 +1,8 @@
 """Finds the part of a driver that causes a failure: drives it again with one part after the other replaced by an ideal
-one, and says with which the failure goes away.
+one, and says which replacement makes the failure go away.
 
-A failure goes away where the driver meets the same situation and passes (`avoidance.comparison`). It is the same
-driver, so a small difference counts too.
+A failure goes away where the driver meets the same situation and passes (`avoidance.comparison`). Because both runs are
+of the same driver, even a small difference counts.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ class Diagnosis:
     Attributes:
         driver, seed: those of the failing run. verdict, reason: how it ended.
         declared: the parts that can be replaced. runs: the runs with ideal parts, in the order in which they were made.
-        cause: the part, or the smallest combination, with which the failure goes away; () if none.
+        cause: the part, or the smallest combination of parts, whose ideal form makes the failure go away; () if there
+            is none.
         seen: what ideal perception shows earlier, in words; "" if perception is not part of the cause.
     """
 

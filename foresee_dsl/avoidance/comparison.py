@@ -54,7 +54,7 @@ class Comparison:
 
     Attributes:
         how: the passing driver's reactions, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
-        apart: why the two cannot be compared, in words; "" if the passing driver avoids the failure.
+        apart: why the two runs cannot be compared, in words; "" if the passing driver avoids the failure.
         met: whether it met the same situation; also True if it reacts in nearly the same way as the failing driver.
     """
 
@@ -165,7 +165,9 @@ class _Compared:
         return tuple(text for text in (braking, where, evading) if text) if braking or evading else ()
 
     def _braking(self, onset_frame: int) -> str:
-        """Return in words how the passing ego brakes or waits, if the failing ego does so later, less or not at all."""
+        """Return in words how the passing ego brakes or waits, if the failing ego brakes or waits later, less or not at
+        all.
+        """
         own, its = self._brakes(self._failed, onset_frame), self._brakes(self._passed, onset_frame)
         if its is None:
             waits = self._passed.states[onset_frame : self._end + 1, 0, SPEED]
@@ -181,9 +183,8 @@ class _Compared:
         return "brakes longer" if slower > SLOWER_MPS else ""
 
     def _brakes(self, trace: Trace, onset_frame: int) -> tuple[int, float] | None:
-        """Return the first frame from `onset_frame` on at which an ego brakes, and its strongest braking, m/s^2.
-
-        None if none.
+        """Return the first frame from `onset_frame` on at which an ego brakes, and its strongest braking, m/s^2; None
+        if it does not brake.
         """
         last = min(trace.frames - 1, self._end + round(LOOKS_ON_S / STEP_S))
         part = trace.states[onset_frame : last + 1, 0, ACCELERATION]

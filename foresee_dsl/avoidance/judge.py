@@ -28,7 +28,8 @@ class Judgement(Protocol):
     Attributes:
         name: the judge's name, for people. answers: all possible answers, in the order of reports; () if they are open.
         answer: the answer in a few words. why: a sentence with figures.
-        avoids: whether its driver avoids the failure, or would have. settles: whether the answer is a clear yes or no.
+        avoids: whether the judge's driver avoids the failure, or would have avoided it. settles: whether the answer is
+            a clear yes or no.
         origin: setting and value for a mutant's `origin` block; None for no entry.
     """
 
@@ -125,7 +126,7 @@ class Failure:
 
     @property
     def bundle(self) -> SumoBundle:
-        """The compiled test case of the run; errors as for `result`."""
+        """The compiled test case of the run; it raises the same error as `result`."""
         if self.compiled is None:
             raise ValueError("only the trace of this failure is available, so its test case is unknown")
         return self.compiled

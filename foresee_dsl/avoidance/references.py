@@ -42,7 +42,8 @@ class ReferenceRun:
 
     @property
     def avoids(self) -> bool:
-        """Whether the run shows that the failure could be avoided: same situation, a reaction, and both runs pass.
+        """Whether the run shows that the failure could be avoided: the driver met the same situation and reacted, and
+        both of its runs pass.
 
         The two runs are that of the mutant and that of the unmutated clip.
         """

@@ -68,7 +68,7 @@ class RecordedPath:
 class Replay:
     """Drives a recorded run again, with the pedals and the wheel that lead to its recorded states, and then brakes.
 
-    It ignores observations: until it brakes the world is the recorded one, and it computes its own motion with the
+    It ignores observations: until it brakes, the world moves as recorded, and it computes the ego's motion with the
     vehicle's model.
 
     Args:

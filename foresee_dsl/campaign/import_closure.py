@@ -2,7 +2,7 @@
 
 Only modules of this package and of plug-in packages count.
 
-Imports are read from the sources, including those inside functions and excluding those for type checkers; no module is
+Imports are read from the sources, including imports inside functions but not those for type checkers only; no module is
 imported. So the result is the same in a checkout and in a wheel built from it. This package imports none of its
 plug-ins, so its own code hash is the same with and without them.
 """

@@ -1,7 +1,7 @@
 """Computes the keys of results: steps with the same key have the same result, so only one of them is run.
 
 A key is a hash of everything that can affect the result, and of nothing else: the meaning of the test case, the driver
-with its code and weights, the settings of that step, the code of this package that the step runs. File names, the
+with its code and weights, the settings of that step, and the code of this package that the step runs. File names, the
 number of workers and settings of later steps are not part of it.
 """
 

@@ -30,7 +30,7 @@ class StepNode:
         return f"{self.folder}/{self.step.name}.foresee"
 
     def over(self, kind: str) -> StepNode:
-        """Return the nearest step of a kind: this one or one of those that it depends on.
+        """Return the nearest step of a kind: this step, or one on which it depends.
 
         Raises:
             ValueError: it follows from no step of that kind.

@@ -60,7 +60,7 @@ class FamilyRow:
 class FidelityFigures:
     """Deviations of unmutated clips from their parents' runs: largest deviation per actor, m.
 
-    `others`: number of other actors in all clips; `others_within`: share of them within 0.1 m.
+    `others`: number of other actors in all clips; `others_within`: share of these that stayed within 0.1 m.
     """
 
     clips: int
@@ -228,7 +228,9 @@ class CampaignResult:
 
     @property
     def deterministic(self) -> bool | None:
-        """Whether all findings that were run in several processes ended alike; None if none was."""
+        """Whether each finding that was run in several processes ended alike in all of them; None if there is no such
+        finding.
+        """
         return all(repeats.same for repeats in self.repeats.values()) if self.repeats else None
 
     @property

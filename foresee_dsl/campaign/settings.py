@@ -57,8 +57,8 @@ class CampaignSettings:
 
     @property
     def first_children(self) -> int:
-        """Return the number of mutants of a clip with each seed before any result is known; with `even`, all
-        of them.
+        """Return the number of mutants that a clip gets with each seed before any result is known; with the allocation
+        `even`, these are all mutants.
         """
         return self.children if self.allocation == "even" else min(self.children, FIRST)
 

@@ -69,7 +69,7 @@ class _Formats(TyperGroup):
 
 @dataclass(frozen=True)
 class _NoOptions:
-    """The options of a format that cannot be loaded: none."""
+    """The options of a format that cannot be loaded: it has none."""
 
 
 class _Importers(_Formats):

@@ -25,7 +25,7 @@ class ModelSpec:
 
     Attributes:
         front_overhang_m: distance from the front axle to the front bumper.
-        height_m: height of its top (with a rider's head) above the road; lower actors behind it are hidden.
+        height_m: height of its top (for a rider, of the head) above the road; it hides lower actors behind it.
         cruise_mps: its speed without a `speed` statement; None for the speed limit of the road.
     """
 

@@ -65,8 +65,8 @@ def types_of(models: Iterable[ModelSpec], passing: Collection[str] = ()) -> str:
     The car-following model is Krauss, SUMO's default, because its next step depends only on positions and speeds,
     which a clip holds (other models have a memory, such as IDMM's level of service). Randomness is off (sigma,
     speedDev), and so are lane changes that depend on sums inside SUMO (keeping right, gaining speed); lane changes for
-    the route remain. `passing`: models of which an actor passes within its lane; each has a second type, which keeps to
-    the right, and all types have the parameters of SUMO's sublane model. The first types have no lateral gap: SUMO
+    the route remain. `passing`: the models of actors that pass within their lanes; each has a second type, which keeps
+    to the right, and all types have the parameters of SUMO's sublane model. The first types have no lateral gap: SUMO
     would move a standing car aside for a bicycle that passes it (measured: by 0.2 m).
     """
     by_name = {model.name: model for model in models if model.kind in _CLASSES}

@@ -67,7 +67,7 @@ def near_changes(
 def _weaker_or_moved(change: Change) -> list[tuple[Change, ...]]:
     """Return variants of a change that no operator draws.
 
-    None of them is stronger, because the search that proposed the change keeps to what people do.
+    No variant is stronger than the change, because the search that proposed it stays within what people do.
     """
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
         return []

@@ -326,7 +326,7 @@ def _acts(situation: Situation, preset: Preset, operator: Operator, target: str)
 def _child(
     situation: Situation, preset: Preset, plan: Plan, rng: np.random.Generator, seen: Collection[tuple[Change, ...]]
 ) -> Drawn | None:
-    """Return the operators and changes of one mutant; None if earlier mutants have all of them.
+    """Return the operators and changes of one mutant; None if earlier mutants have all changes that can be drawn.
 
     Of `preset.draws` draws it is the one that comes nearest to the ego when it is rolled out.
     """

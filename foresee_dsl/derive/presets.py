@@ -117,7 +117,7 @@ class Preset:
 
     Attributes:
         recipes: each lists the operators of one child. The children take turns over the recipes whose operators can all
-            act on their targets (if there are none, over the operators of each that can).
+            act on their targets (if there are no such recipes, over the operators of each recipe that can act).
         targets: `letter`: model swap acts on the closest relevant actor, steering on the vehicle closest to the ego at
             the clip's beginning (paper, section 3.4). `ranked`: all operators act on the actor that the risky point
             names; if it names none, or one that no operator can change, on the actor closest to the ego at the point.

@@ -62,7 +62,7 @@ class Memory:
 
 
 def memory_of(ideal: frozenset[DriverPart], truth: Truth | None) -> Memory:
-    """Return the memory of a driver with these ideal parts; the usual memory without any."""
+    """Return the memory of a driver with these ideal parts; the usual memory if no part is ideal."""
     if truth is None:
         return Memory(Tracker(), SignalMemory())
     return Memory(

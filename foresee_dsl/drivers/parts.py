@@ -101,7 +101,7 @@ class WithParts(Protocol):
     """A driver that declares its parts, so that each can be replaced by an ideal one. Implementing it is optional.
 
     Attributes:
-        parts: those of perception, tracking, prediction, rules and control that it can replace.
+        parts: the parts (of perception, tracking, prediction, rules and control) that it can replace.
     """
 
     parts: Sequence[DriverPart]

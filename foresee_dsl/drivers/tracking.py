@@ -214,8 +214,8 @@ class Tracker:
         return rows
 
     def _lost_there(self, seen: ObjectTable, new: int, taken: set[int], measured_s: float) -> int:
-        """Return the row of the nearest lost object with the same class and about the same size as a new object; -1
-        without one.
+        """Return the row of the nearest lost object with the same class and about the same size as a new object; -1 if
+        there is none.
         """
         best, nearest, kind = -1, math.inf, seen.kinds[new]
         new_x, new_y, new_length = seen.measured[new, [kernel.X, kernel.Y, kernel.LENGTH]].tolist()

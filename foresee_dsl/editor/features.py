@@ -240,8 +240,9 @@ _PLACED = _placed_codes()
 
 
 def semantic_tokens(session: Session, params: Json) -> Json:
-    """Return the kinds of the words of a text in the protocol's encoding: each position is relative to the one
-    before."""
+    """Return the kinds of the words of a text in the protocol's encoding: each position is relative to the preceding
+    one.
+    """
     uri = _uri(params)
     places = session.positions(uri)
     data: list[int] = []

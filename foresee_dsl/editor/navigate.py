@@ -97,8 +97,8 @@ def rename(files: Files, path: Path, use: Occurrence, name: str) -> Renaming:
     _check_broken(files, affected, old)
     for file in affected:
         _check_free(files, file, name, target.occurrence)
-        # A new name can be read wherever the old one was, unless it is a word of the language; errors of the definition
-        # show in its own file.
+        # Wherever the old name could be read, the new one can be read too, unless it is a word of the language. An
+        # error in the definition is found in the file that defines the name.
         if file == target.path or name in KEYWORDS or name in UNITS:
             _check_result(files, file, places[file], name)
     pinned = affected if target.occurrence.kind != "case" else ()

@@ -74,7 +74,7 @@ def kind_named(node: Node, field: str) -> SymbolKind | None:
 
 @lru_cache(maxsize=256)
 def occurrences(text: str) -> tuple[Occurrence, ...]:
-    """Return all names in a text in the order of the file; of a text with errors, those of its valid statements."""
+    """Return all names in a text in the order of the file; for a text with errors, those in its valid statements."""
     root = read_syntax(text).root
     if root is None:
         return ()

@@ -1,5 +1,6 @@
-"""Reads the heights of a net's lanes, and finds the places where a road goes over another; the rest of the tool has a
-flat world."""
+"""Reads the heights of a net's lanes, and finds the places where a road goes over another; all other parts of the tool
+treat the world as flat.
+"""
 
 from __future__ import annotations
 

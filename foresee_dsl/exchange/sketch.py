@@ -43,7 +43,7 @@ _NUMBERS: Mapping[str, str] = {
     "shoulder": "m",
     "lane_width": "m",
 }
-"""Settings of a street, each with the unit of a number without one."""
+"""Settings of a street, each with the unit that a number has if none is written."""
 _WORDS = (*_NUMBERS, "oneway", "name", "via")
 _NODE = "`a 0 0`, or `a 0 0 signals`"
 _STREET = "`a-b`, or `a-b lanes 2 speed 50`"

@@ -53,7 +53,7 @@ class DriveAhead(Replay):
     Attributes:
         from_s: until then the ego follows the clip's recorded states, whatever its driver answers.
         braked_s: time at which it first braked for an actor that came into its way, s; None if it never did.
-        braked_mps2: its hardest such braking.
+        braked_mps2: its hardest braking for such an actor, m/s^2.
     """
 
     name = "anticipating"
@@ -168,7 +168,9 @@ class DriveAhead(Replay):
         return min(max((wanted - speed) / EXPECTED_REACTION_S, -COMFORTABLE_MPS2), SETS_OFF_MPS2)
 
     def _behind(self, ego: PredictedEgo, others: list[Other]) -> float:
-        """Return the acceleration that keeps two seconds behind the vehicle in front, m/s^2; infinite without one."""
+        """Return the acceleration that keeps two seconds behind the vehicle in front, m/s^2; infinite if there is no
+        such vehicle.
+        """
         if not others:
             return math.inf
         along, left, heading = self._way.beside(np.array([(other.x, other.y) for other in others]))

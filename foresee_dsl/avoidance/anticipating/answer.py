@@ -44,7 +44,7 @@ class Anticipation:
         answer: whether the failure was preventable, and by which manoeuvre. why: a sentence for people, with figures.
         seen_s: time from which the driver could foresee the conflict. begins_s: time at which the manoeuvre begins.
         braking_mps2: hardest braking. sideways_m: how far it evades, left positive.
-        slower_mps: when driving ahead of time, how much slower it is when the conflict becomes foreseeable.
+        slower_mps: how much slower the driver that drives ahead of time is when the conflict becomes foreseeable.
         spare_s: how much later R157's hardest braking could have begun if the others had moved as recorded.
         least_m: smallest distance to any actor in the run that confirms the answer; None without such a run.
         runs: number of simulation runs.

@@ -64,7 +64,9 @@ class _ConfirmingRun:
 
     @property
     def clear(self) -> bool:
-        """Whether the run ended on the road without a contact and kept at least `CLEAR_M` from all actors."""
+        """Whether the run ended on the road without a contact, and the ego kept at least `CLEAR_M` away from all
+        actors.
+        """
         if self.result.verdict not in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK):
             return False
         return self.least_m is None or self.least_m >= CLEAR_M

@@ -26,8 +26,9 @@ EXPECTED_REACTION_S = 0.75
 (Transportation Human Factors, 2000), 0.70 to 0.75 s; the same as R157's delay, without its evaluation time."""
 
 LATERAL_MPS2 = 3.0
-"""Largest lateral acceleration of evading, m/s^2: the limit of UN R79 for steering assistance in cars (category B1);
-its text was not at hand."""
+"""Largest lateral acceleration of evading, m/s^2: the limit of UN R79 for steering assistance in cars (category B1); we
+could not look up its text.
+"""
 LATERAL_JERK_MPS3 = 5.0
 """Largest lateral jerk of evading, m/s^3: also R79, which limits the mean over half a second; here every moment is
 limited."""
@@ -46,8 +47,9 @@ WALKER_HASTENS_MPS = 0.5
 """Largest change of a walker's speed that is predicted, m/s. Ours: two thirds of the way from walking
 to running (`WALKING_MPS`, `RUNNING_MPS`)."""
 CROSSES_RAD = math.radians(45)
-"""Angle to the ego's heading above which a vehicle is crossing or oncoming, and is expected to wait if comfortable
-braking is enough for that. Ours: 45 degrees, as `MERGES_RAD` of R157's model."""
+"""Angle to the ego's heading above which a vehicle is crossing or oncoming, and is expected to wait if it can do so by
+comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model.
+"""
 GAP_S = 0.5
 """Time between two road users at one place below which they are in conflict, s. Ours: post-encroachment
 times under 1 s are serious in conflict studies; the predicted boxes add the ego's length."""
@@ -88,8 +90,9 @@ HARDEST_MPS2 = 7.0
 tenth, for the build-up."""
 
 TURNING_RAD = math.radians(20)
-"""Turn within the predicted time above which the driver also considers others from behind, beside it. Ours: 20 degrees,
-as `CROSSING_RAD` of the near misses."""
+"""Turn of the ego within the predicted time above which the driver also considers others that are beside it or come
+from behind. Ours: 20 degrees, as `CROSSING_RAD` of the near misses.
+"""
 
 NEARLY_STANDS_MPS = 0.3
 """Speed below which an actor counts as standing, m/s. Ours: a tenth of walking pace above SUMO's threshold."""
@@ -102,8 +105,9 @@ MARGIN_ASIDE_M = 0.5
 CLEAR_M = 0.1
 """Distance to any actor below which a confirming run does not count as preventing, as chance decides, m. Ours."""
 LOOKS_ON_S = 3.0
-"""Duration of a confirming run after the failure's contact, s. Ours: by then an ego that brakes comfortably from
-50 km/h has stood for a while, and the other has passed."""
+"""Duration of a confirming run after the failure's contact, s. Ours: at the end of this time, an ego that brakes
+comfortably from 50 km/h has stood for a while, and the other actor has passed.
+"""
 PASSES_S = 1.0
 """Time after the failure's contact at which an evading ego begins to stop comfortably, s. Ours."""
 STOOD_S = 0.5

@@ -48,16 +48,16 @@ class CarefulSettings:
     Attributes:
         late_s: how much later it starts. A pedestrian's start-up time is 1.9 s in the mean and 3.1 s for 15 % (younger;
             older people 2.5 s and 3.8 s), Knoblauch et al. 1996, Transportation Research Record 1538.
-        early_s: how much earlier it starts. Ours: as the operator `head_start`.
+        early_s: how much earlier it starts. Ours: the range of the operator `head_start`.
         walker_pace: walking speed as a ratio. 15 % of older people walk 0.97 m/s, younger ones 1.5 m/s in the mean
             (Knoblauch et al. 1996); people can walk with 2.5 m/s.
-        vehicle_pace: speed of vehicles and bicycles as a ratio. Ours: as the operator `timing`.
+        vehicle_pace: speed of vehicles and bicycles as a ratio. Ours: the range of the operator `timing`.
         hesitates_mps2, hesitates_s: how a walker slows down on the way, and for how long. Ours: from 1.4 m/s to a
             stand within one or two paces, and as long as a start-up time.
         brakes_mps2: braking of a vehicle. From the 3.4 m/s^2 that most drivers are comfortable with (AASHTO, A
             Policy on Geometric Design, 3.2.2) to 0.75 g; near-crashes of the 100-car study begin at 0.5 to 0.6 g
             (Dingus et al. 2006, DOT HS 810 593).
-        brakes_s: for how long. Ours: from 30 km/h to a crawl, or to a stand and a moment there.
+        brakes_s: how long it brakes. Ours: from 30 km/h until it crawls, or until it has stood for a moment.
         halts_mps2, halts_s: braking and standing time of a stop after a turn (a driver looks for a place to park).
             Ours: comfortable braking.
         turned_rad: change of heading within `turned_s` that counts as a turn. Ours: 40 deg.
@@ -67,7 +67,8 @@ class CarefulSettings:
         cuts_in_m: lateral distance to the ego's way of an actor that can cut in. Ours: a lane's width.
             cuts_in_share: share of that distance that it covers. Ours. cuts_in_mps: lateral speed; lane changes take 3
                 s to 6 s; hurried ones 2 s.
-        swerve_g, swerve_s, swerve_least_mps: as the operator `steer` of the preset `focused`.
+        swerve_g, swerve_s, swerve_least_mps: largest lateral acceleration, duration and least speed of a swerve. Ours:
+            the values of the operator `steer` in the preset `focused`.
         yields_share, drives_share: an actor yields if it falls below the first share of its cruise speed; it begins to
             yield when it was last above the second share of its speed. Ours.
         late_light_s: longest time from the beginning of braking for a light to running it. Ours: red lights are run

@@ -74,7 +74,7 @@ class ScoredCandidate:
     Attributes:
         score: 0 to 1, `hit` times the weight of `avoidable`. hit: likelihood of hitting the ego as it drove. avoidable:
           likelihood that a careful driver avoids the contact. contact_s: time of the smallest distance since the
-          window's beginning. braking_s: from when a careful driver brakes, if braking avoids the contact. gap_m:
+          window's beginning. braking_s: time from which a careful driver brakes, if braking avoids the contact. gap_m:
           smallest distance to the ego as it drove.
     """
 

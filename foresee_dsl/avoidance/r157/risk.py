@@ -1,9 +1,9 @@
 """Computes when a careful driver sees a risk: the predicted path of another actor soon enters the ego's corridor.
 
-The driver is that of UN Regulation 157, Annex 4, appendix 3. The regulation's own text was not at hand: the figures,
-except one, are those of the European Commission's open implementation (repository ec-jrc/JRC-FSM, `CC_human_driver`).
-The appendix describes cut-in, cut-out and deceleration on a motorway. For a town, where others cross, are oncoming or
-walk, the perception is generalised; our additions are marked `ours`.
+The driver is that of UN Regulation 157, Annex 4, appendix 3. We could not look up the regulation's own text: all
+figures but one are those of the European Commission's open implementation (repository ec-jrc/JRC-FSM,
+`CC_human_driver`). The appendix describes cut-in, cut-out and deceleration on a motorway. For a town, where others
+cross, are oncoming or walk, the perception is generalised; our additions are marked `ours`.
 
 The prediction uses only the information of a driver at that frame: the ego's own intended path, and the place, speed,
 turn rate and braking of the other.
@@ -36,9 +36,9 @@ WANDER_M = 0.375
 (`CC_calc_dist_to_react`). The corridor is this much wider than the ego on either side: ours."""
 HARD_BRAKING_MPS2 = 5.0
 """Braking that is assumed for the latest moment at which a risk is seen, m/s^2: then evaluation, delay and this braking
-just reduce the ego's speed to the other's. Ours, after R157's emergency manoeuvre (over 5 m/s^2; its clause was not at
-hand). If only `CRITICAL_TTC_S` counted, an ego that drives at 8.5 m/s or faster would hit an object that stands on a
-clear road, because only 0.85 s (7.2 m) remain for braking.
+just reduce the ego's speed to the other's. Ours, after R157's emergency manoeuvre (over 5 m/s^2; we could not look up
+its clause). If only `CRITICAL_TTC_S` counted, an ego that drives at 8.5 m/s or faster would hit an object that stands
+on a clear road, because only 0.85 s (7.2 m) remain for braking.
 """
 MERGES_RAD = math.pi / 4
 """Angle to the ego's heading below which a vehicle that crosses the ego's line is expected to stay on it (a cut-in, for

@@ -65,7 +65,7 @@ class Task:
     """A function of an installed package and its argument.
 
     Attributes:
-        name: for people. function: returns the outcome, or yields its parts.
+        name: its name for people. function: returns the outcome, or yields its parts.
         deadline_s: wall time for the outcome, or for each part; None: no limit.
         key: identity of the task for its sender.
         shares: its inputs, from those that many tasks share to those that few share (a network, a test case, a clip);
@@ -266,7 +266,7 @@ class LeftBehind(NamedTuple):
     Attributes:
         output: its prints. hung: whether it was ended because it did not return. place: the place in a driver's code,
             or "".
-        stack: in the format of `faulthandler`.
+        stack: where it stood, in the format of `faulthandler`.
     """
 
     output: str

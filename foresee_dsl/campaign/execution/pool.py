@@ -53,8 +53,8 @@ class TaskQueue:
         return self._head()[1]
 
     def take(self, most: int = 1, warm: Sequence[Shares] = ()) -> list[int]:
-        """Remove and return one of the most urgent tasks, and up to `most` in all that are as urgent and share its
-        inputs.
+        """Remove and return one of the most urgent tasks, together with others that are as urgent and share its inputs:
+        up to `most` tasks in all.
 
         `warm`: inputs that a process has used, the latest first; tasks that share most with one of them are preferred.
 
@@ -165,8 +165,8 @@ class Update:
 class Executor(ABC):
     """Runs tasks isolated from each other, by priority (smaller first), then in the order of their addition.
 
-    Among tasks whose priorities differ only in their last number, a process gets those that share most with its earlier
-    ones (`Task.shares`). No result depends on which process runs a task, or when.
+    Among tasks whose priorities differ only in their last number, a process gets those that share most inputs with the
+    tasks that it has run (`Task.shares`). No result depends on which process runs a task, or when.
     """
 
     def __init__(self) -> None:
@@ -426,7 +426,7 @@ class RunOptions:
     """How a campaign is executed; no option changes a result.
 
     Attributes:
-        jobs: number of worker processes. limits: of each run. shard: part of the campaign.
+        jobs: number of worker processes. limits: limits of each run. shard: the part of the campaign that is run.
         retry: repeat runs that broke in an earlier campaign (died, hung, raised).
         executor: factory of the executor. stop: called ten times a second; true stops the campaign.
     """

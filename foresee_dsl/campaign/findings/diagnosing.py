@@ -70,7 +70,7 @@ class Diagnosed:
 
     @property
     def number(self) -> int:
-        """Return the number of the finding; 0 without one."""
+        """Return the number of the finding; 0 if there is no finding."""
         return self.failing.number
 
 
@@ -181,7 +181,7 @@ def _keep(result: Diagnosed) -> None:
 
 
 def kept_diagnoses(campaign: Path) -> dict[str, dict[str, Any]]:
-    """Return the kept diagnoses of a campaign's findings by name; {} without any.
+    """Return the kept diagnoses of a campaign's findings by name; {} if there are none.
 
     Raises:
         ForeseeError: the file cannot be read.

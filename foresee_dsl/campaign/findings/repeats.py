@@ -47,7 +47,7 @@ class _Subject:
 def repeated(
     result: CampaignResult, traces: Mapping[str, tuple[str, str]], stages: Stages, store: Store, options: RunOptions
 ) -> dict[str, Repeats]:
-    """Run each finding once more in another interpreter, and those that differ `RUNS` times in all.
+    """Run each finding once more in another interpreter; if that run differs, run the finding `RUNS` times in all.
 
     Each interpreter has its own seed for the hashes of strings, unless `PYTHONHASHSEED` is set. A run that breaks or
     hangs says nothing, and its finding gets no entry. Results are stored; a finding is repeated once.

@@ -41,7 +41,7 @@ class Review:
     """A finding with all data that a reviewer needs.
 
     Attributes:
-        finding: as in `campaign.json`. asked: the requested name, which may be that of a sibling.
+        finding: its entry in `campaign.json`. asked: the requested name, which may be that of a sibling.
         others: the other mutations of its clip. driver, seed: those of the campaign. campaign: its folder. diagnosis:
             which part of the driver causes the failure, in words; "" before `foresee diagnose`.
     """
@@ -54,7 +54,7 @@ class Review:
     campaign: Path
     diagnosis: str = ""
     standing: str = ""
-    """Whether it is new since the campaign before, and how it was triaged, in words."""
+    """Whether the finding is new since the previous campaign, and how it was triaged, in words."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""

@@ -88,7 +88,7 @@ class HeatMap:
 
     Attributes:
         across, down: the changes (or `seed`). columns, rows: their values as text.
-        fails: by row and column; None where the values are not possible.
+        fails: whether the run fails, by row and column; None where the values are not possible.
     """
 
     across: str
@@ -201,7 +201,7 @@ def how_sure(
 
 
 def _seeds(own: int) -> list[int]:
-    """Return the sensor seeds: the finding's own first, then the smallest others."""
+    """Return the sensor seeds: first the finding's own, then the smallest other numbers."""
     return [own, *(seed for seed in range(SEEDS) if seed != own)][:SEEDS]
 
 

@@ -61,8 +61,8 @@ class Clock:
 
     Wall time is read at each change of the part. Reading CPU time costs ten times as much (measured: 0.3 to 1.6 us), so
     it is read only where a part with `own` begins or ends, and around one in `EVERY` of the driver's decisions, as a
-    driver may wait for a program or a GPU. The CPU time of the other parts between two readings is divided by their
-    wall time, because none of them waits.
+    driver may wait for a program or a GPU. The CPU time of the other parts between two readings is divided in
+    proportion to their wall time, because none of these parts waits.
 
     Attributes:
         part: the active part. refers: a reference driver drives.

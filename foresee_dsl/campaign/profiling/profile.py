@@ -49,7 +49,7 @@ class Profile:
     """The distribution of a command's time.
 
     Attributes:
-        drivers: those under test. parts: parts with any time, in the order of `Part`.
+        drivers: the drivers under test. parts: the parts that took any time, in the order of `Part`.
         runs, simulated_s, decisions: amount of measured work, without each run's first decision.
         driver_share: share of the driver's decisions in the time between the first and last frames of all runs; None
             without a decision. decision_ms: mean time of a decision. begin_s: mean time of a driver's reset and first
@@ -134,7 +134,8 @@ class Profile:
 def _worked(part: Part, time_of_part: Spent) -> Spent:
     """Return the time of a part.
 
-    For distributing tasks and receiving results only CPU time counts, because the rest is waiting.
+    For distributing tasks and receiving results, only CPU time counts, because their remaining wall time is spent
+    waiting.
     """
     return Spent(time_of_part.cpu_ns, time_of_part.cpu_ns) if part is Part.HANDING else time_of_part
 

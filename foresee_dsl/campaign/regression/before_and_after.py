@@ -22,7 +22,8 @@ def before_and_after(derived_files: Sequence[DerivedFile], *, jobs: int = 1) -> 
         DriverError: files record programs as drivers, which this command does not start; no run was started.
 
     Returns:
-        For each file how the run under the old parent ended ("" if that parent is unknown), and how the new one did.
+        For each file, how the run under the old parent ended ("" if that parent is unknown), and how the run under the
+        new parent ended.
     """
     runs = {f"{derived.file} {when}": run for derived in derived_files for when, run in _runs_of(derived)}
     refuse_programs(

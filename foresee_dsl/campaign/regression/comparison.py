@@ -20,7 +20,8 @@ class Measure:
     """A measure of near misses, with the limit of near values and the smallest change that is reported.
 
     Attributes:
-        title: in words. unit: of its values. near: limit from which a value is near. step: smallest reported change.
+        title: its name in words. unit: unit of its values. near: limit from which a value is near. step: smallest
+            reported change.
         sign: -1 if smaller values are nearer.
     """
 
@@ -46,7 +47,8 @@ class Ran:
     """The run of one test case by one driver.
 
     Attributes:
-        key: equal for the same test case on both sides. name: for people. near: near misses as in `campaign.json`.
+        key: equal for the same test case on both sides. name: its name for people. near: near misses as in
+            `campaign.json`.
         broken_expectations: broken expectations, one sentence each.
     """
 
@@ -112,8 +114,8 @@ class Pair:
 
     @cached_property
     def nearer(self) -> Nearer | None:
-        """Return the measure that moved most towards a failure, for a pair that passes on both sides; None
-        without one.
+        """Return the measure that moved most towards a failure, for a pair that passes on both sides; None if there is
+        none.
         """
         if self.change is not Change.STILL_PASSING:
             return None

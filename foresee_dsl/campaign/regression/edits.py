@@ -42,7 +42,8 @@ def with_expected(text: str, new: m.Expected) -> str:
     after = next(iter((stated or changes or heads)[-1:]), None)
     lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends alternate
     end = lines[1] if len(lines) > 1 else "\n"
-    # After a statement that has its own line, a line is inserted; a text in another layout is printed anew.
+    # If the statement has a line of its own, a new line is inserted after it; a text in any other layout is printed
+    # anew.
     at = _span(document, after).end_line if after is not None else _span(document, document.model).line
     reference = lines[2 * (at - 1)]
     if after is None:

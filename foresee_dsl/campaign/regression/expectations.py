@@ -23,7 +23,7 @@ class Status(StrEnum):
     """How a run compares with the expected result, in the order of the report.
 
     Attributes:
-        label: in words. style: of a terminal. meaning: in one sentence.
+        label: its name in words. style: its style in a terminal. meaning: its meaning in one sentence.
     """
 
     _value_: str
@@ -137,9 +137,8 @@ def names_of(address: str, version: str) -> tuple[str, ...]:
 
 
 def name_to_record(address: str, version: str) -> str:
-    """Return the name of a driver in a new `expected` line: its own name without a version.
-
-    So the line applies to every version, and the next version is compared with this one.
+    """Return the name of a driver in a new `expected` line: its own name without a version. So the line applies to
+    every version, and a later version is compared with the present one.
     """
     own = recorded_driver(address, version).partition(" via ")[0]
     name = own.rpartition(" ")[0] or own

@@ -51,7 +51,7 @@ class Recheck:
     Attributes:
         file: its address. case: name of the case, for a scenario with cases.
         was: the expected result in words: `fails F2 with walker`. now: how it ended, or why it is stale.
-        driver: with its version. name: the driver's name in an `expected` line.
+        driver: name and version of the driver. name: the driver's name in an `expected` line.
         line: line of the expectation in its file. note: further remarks.
     """
 

@@ -54,7 +54,7 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
         return f"findings/{self.name.removesuffix(f'_{self.driver}')}"
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:
-        """Run the child, then the clip; compare the child's two runs. A report shows the child's."""
+        """Run the child, then the clip; compare the child's run, which a report shows, with the failing one."""
         clip_model = clip_of(self.clip)
         clip = expand_clip(clip_model, case, source=work.folder / f"{clip_model.name}.foresee")
         child = expand_mutant(mutant_of(self.mutant), clip, source=work.folder / f"{self.name}.foresee")

@@ -45,7 +45,7 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
             yield cls(key, f"{above.name}_{driver}", above.seed, above.draft, above.mutant, driver)
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:  # noqa: ARG002
-        """Run the mutant, then the clip; compare the mutant's two runs."""
+        """Run the mutant, then the clip; compare the mutant's run with the failing one."""
         file = work.folder / f"{self.draft.name}.foresee"
         clip = clip_case(self.draft.text, work.case, file)
         child = expand_mutant(mutant_of(self.mutant.text), clip, source=work.folder / f"{self.name}.foresee")

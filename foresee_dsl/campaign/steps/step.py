@@ -137,7 +137,7 @@ class Step(ABC, Generic[Above, Result]):
 
     @staticmethod
     def wanted(result: Result, settings: CampaignSettings) -> bool:  # noqa: ARG004 - of the classes that ask
-        """Return whether this step follows from a result of the step before."""
+        """Return whether this step follows from a result of the preceding step."""
         return True
 
     @staticmethod

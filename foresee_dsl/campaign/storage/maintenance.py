@@ -27,7 +27,8 @@ class Statistics:
     """Contents of a store, in numbers.
 
     Attributes:
-        kinds: number of results by kind of step and verdict ("" if the step is not a run). tools: by tool version.
+        kinds: number of results by kind of step and verdict ("" if the step is not a run). tools: number of results by
+            tool version.
         broken: runs that crashed, hung, or exceeded a limit. simulated_s, wall_s: sums over all runs.
     """
 

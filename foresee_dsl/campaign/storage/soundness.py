@@ -88,7 +88,8 @@ def sound_rows(file: Path, columns: Sequence[str], setup: Sequence[str]) -> dict
     is readable.
 
     Args:
-        columns: of a row, in the order of its checksum. setup: statements that create the tables.
+        columns: the columns of a row, in the order in which its checksum covers them. setup: statements that create the
+            tables.
     """
     rows: dict[Any, Sequence[Any]] = {}
     with tempfile.TemporaryDirectory(prefix="foresee-store-") as folder:

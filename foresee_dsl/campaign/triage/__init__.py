@@ -1,1 +1,1 @@
-"""What people decided about findings, and how the findings of a campaign compare with those of the one before."""
+"""What people decided about findings, and how the findings of a campaign compare with those of the previous one."""

@@ -74,7 +74,7 @@ class Decision:
 
 
 def counted_decisions(decisions: Iterable[Decision]) -> str:
-    """Return the number of triaged findings by kind: `3 triaged (2 known, 1 not ours)`; "" without any."""
+    """Return the number of triaged findings by kind: `3 triaged (2 known, 1 not ours)`; "" if there are none."""
     counts = Counter(decision.triage for decision in decisions)
     kinds = ", ".join(f"{counts[kind]} {kind.text}" for kind in Triage if counts[kind])
     return f"{counts.total()} triaged ({kinds})" if kinds else ""

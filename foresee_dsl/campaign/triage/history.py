@@ -86,7 +86,7 @@ def append_campaign(folder: Path, result: CampaignResult, document: str) -> None
 
 
 def read_history(folder: Path) -> tuple[PastCampaign, ...]:
-    """Return the campaigns of a folder, the oldest first; () without any.
+    """Return the campaigns of a folder, the oldest first; () if there are none.
 
     Raises:
         ForeseeError: the file cannot be read, or a campaign did not write it.

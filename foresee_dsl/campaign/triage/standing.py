@@ -1,4 +1,4 @@
-"""Compares the findings of a campaign with those of the one before and with what people decided about them."""
+"""Compares the findings of a campaign with those of the previous one and with what people decided about them."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Standing:
 
     @property
     def triaged(self) -> str:
-        """The number of triaged findings by kind: `3 triaged (2 known, 1 not ours)`; "" without any."""
+        """The number of triaged findings by kind: `3 triaged (2 known, 1 not ours)`; "" if there are none."""
         return counted_decisions(self.decisions.values())
 
     @property

@@ -17,7 +17,9 @@ NEAR_M = 8.0
 """Largest distance of a crosswalk from the crossing that netconvert guesses at a junction's arm, m, for the crosswalk
 to belong to that arm (the farthest of Town10HD's 16 is 4.9 m away; measured)."""
 _BESIDE_M = 2.0
-"""Largest difference of the distances from a crosswalk to the crossings over the two directions of an arm, m (ours)."""
+"""An arm has one crossing for each direction of its road. This is the largest difference of their distances from a
+crosswalk, m (ours).
+"""
 _SAME_ANGLE_RAD = math.radians(30)
 """Largest angle between a crosswalk and its crossing, rad (ours)."""
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0
@@ -59,7 +61,7 @@ def write_crossings(net: Topology, crosswalks: Sequence[Crosswalk], out: Path) -
     the guessed crossings, from which the edges of a crossing are taken.
 
     Returns:
-        Number of crosswalks at a junction's arm; without any, no file is written.
+        Number of crosswalks at a junction's arm; if it is 0, no file is written.
     """
     placed: dict[str, Crosswalk] = {}
     used = 0

@@ -75,8 +75,8 @@ class Fixed:
 def fix_times(root: Element) -> Fixed:
     """Give each signal for road traffic a single program of fixed times with its own stages.
 
-    SUMO 1.28 cannot load the state of an actuated program, so a run could not start from a clip's state; and the
-    simulator switches the phases in their order.
+    There are two reasons: SUMO 1.28 cannot load the state of an actuated program, so a run could not start from a
+    clip's state; and our simulator switches the phases in their order.
     """
     last: dict[str, Element] = {}
     reacting = others = 0

@@ -140,7 +140,8 @@ def _fault(element: Element) -> str:
 def _without_missing_signal(connection: dict[str, str], programs: Container[str | None]) -> dict[str, str]:
     """Return a connection without its signal if the net has no program for the signal, as at railway crossings.
 
-    SUMO 1.28 switches such a signal off; the signal of a railway crossing lets road traffic pass if no train comes.
+    SUMO 1.28 switches such a signal off. So the signal of a railway crossing lets road traffic pass, as it does if no
+    train comes.
     """
     if "tl" not in connection or (connection["tl"] in programs and int(connection.get("linkIndex", -1)) >= 0):
         return connection

@@ -68,7 +68,7 @@ class PlainEdge:
     Attributes:
         road: name of the road, ramp or roundabout of which it is a piece.
         lanes: types of its lanes, from the right, without the sidewalk; `lane 1` is the first lane for cars.
-        widths: widths of the strips among them by type, m; all lanes for cars are `lane_width` wide.
+        widths: widths of the strips among these lanes, by type, m; all lanes for cars are `lane_width` wide.
         sidewalk: width of the sidewalk, m, or None.
     """
 

@@ -1,5 +1,5 @@
-"""Caches placements of actors: the children of a clip have the same actors as the clip, except for the one or two that
-they change.
+"""Caches placements of actors: the children of a clip have the same actors as the clip, except for one or two actors
+that each child changes.
 
 The placement of an actor with an exact state, on a route or on a path of plain points, depends only on its own
 statement, its model and the network.

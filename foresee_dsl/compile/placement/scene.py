@@ -410,7 +410,8 @@ class SceneBuilder:
 
 
 def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
-    """Return the problems without those that only repeat the error of a route, which all places along it have too.
+    """Return the problems without those that only repeat the error of a route: every place along a wrong route has the
+    same error.
 
     If there are many problems of one kind, most of them are left out.
     """

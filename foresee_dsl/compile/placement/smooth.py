@@ -47,7 +47,7 @@ def beside(line: Polyline, begin_m: float, end_m: float, *, left_m: float) -> tu
 
 
 def _without_straight(points: Sequence[XY]) -> list[XY]:
-    """Return a line without the points at which it is straight, so that none of them is treated as a corner."""
+    """Return a line without the points at which it is straight, because such a point is not a corner."""
     kept = [points[0]]
     for point, after in pairwise(points[1:]):
         if abs(wrap(direction(point, after) - direction(kept[-1], point))) > _STRAIGHT_RAD:

@@ -20,8 +20,8 @@ class Standing:
 
     Attributes:
         x, y, heading_rad: pose of the footprint's middle. length_m, width_m: size of the footprint.
-        line: its way, which continues straight beyond its ends; None for an actor without one, which is treated as if
-            its way were straight.
+        line: its way, which continues straight beyond its ends; None for an actor that has no way, which is treated as
+            if it had a straight one.
         s, left_m: position of the middle along the way, and its distance to the left of it (0 without a line).
     """
 

@@ -77,7 +77,7 @@ class Edge:
 
     @property
     def drivable(self) -> tuple[Lane, ...]:
-        """The lanes for cars; without any, the lanes for bicycles; without any, all lanes."""
+        """The lanes for cars; if there are none, the lanes for bicycles; if there are none either, all lanes."""
         return self.for_kind("car") or self.for_kind("bicycle") or self.lanes
 
 
@@ -181,7 +181,7 @@ class Topology:
     `left_hand` is True if traffic keeps to the left; lanes are then counted from the left.
     `parts` holds, for each divided edge by its whole name, its pieces in driving order. `rings` holds roundabouts by
     name.
-    `joints` holds the junctions at which an edge is only divided. A net file has none of these three.
+    `joints` holds the junctions at which an edge is only divided. A net file has neither parts nor rings nor joints.
     `footways` holds pairs of connected ids: of a sidewalk's lane, a crossing's lane or a walking area.
     """
 

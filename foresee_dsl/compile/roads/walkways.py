@@ -33,8 +33,9 @@ _End = tuple[str, int]
 
 
 class CrossingPart(NamedTuple):
-    """A stretch of a path on a crossing: begin and end along the path, m, and the signal of the crossing ("" and -1
-    without one)."""
+    """A stretch of a path on a crossing: begin and end along the path, m, and the signal of the crossing ("" and -1 if
+    it has no signal).
+    """
 
     enter_s: float
     exit_s: float

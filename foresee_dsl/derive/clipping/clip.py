@@ -105,8 +105,9 @@ def clip(
 def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
     """Return the waypoint nearest to the ego at frame `last` and not behind it, m.
 
-    As a route may cross itself, only waypoints within the distance driven since frame `first` count. Without waypoints,
-    the goal is the middle of the ego's front."""
+    As a route may cross itself, only waypoints within the distance driven since frame `first` count. If there are no
+    waypoints, the goal is the middle of the ego's front.
+    """
     here = np.array(front(trace, 0, last))
     points = trace.waypoints
     if not len(points):

@@ -23,7 +23,7 @@ class Deviation:
     """The distances of the actors in a clip's run from their places in the parent's run.
 
     Attributes:
-        actors: by id, the largest distance over the compared frames, m; the ego comes first.
+        actors: the largest distance of each actor over the compared frames, m, by the actor's id; the ego comes first.
         frames: number of compared frames: those of the window, or fewer if the clip's run ended earlier.
     """
 

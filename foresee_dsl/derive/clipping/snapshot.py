@@ -22,8 +22,8 @@ def remaining_route(trace: Trace, actor: int, frame: int, current_route: tuple[s
     """Return the edges that an actor still has to drive; the first is the edge that it is on.
 
     On a junction (or off the lanes) the first is the edge from which it came, as SUMO needs it. The ego's route begins
-    as far back as possible without an edge occurring twice, as its line depends on where it came from. `current_route`:
-    the actor's present route, if it is not the one with which it began.
+    as far back as possible without an edge occurring twice, because the line of the route depends on where the ego came
+    from. `current_route`: the actor's present route, if it is not the one with which it began.
     """
     route = current_route or trace.actors[actor].route
     at = 0

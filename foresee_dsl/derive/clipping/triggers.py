@@ -49,8 +49,7 @@ class Triggers:
     Attributes:
         trace: the run. frame: the frame at which the clip begins.
         moment: that frame, for rewriting conditions.
-        whens: the scenario's triggers. states: the progress of each.
-        orders: the present orders to each actor.
+        whens: the scenario's triggers. states: the progress of each trigger. orders: the present orders to each actor.
         timed: actors with a `timing`, which do not adapt their speed to the actors that they meet.
     """
 

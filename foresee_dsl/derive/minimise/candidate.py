@@ -28,8 +28,8 @@ class TrialCandidate:
     Attributes:
         first, last: first and last frame of its clip in the parent's run.
         changes: the remaining changes, with values and times relative to the unreduced clip.
-        actors, signals: names of those that are left out.
-        triggers: indices of those that are left out, among the triggers of the clip as it is cut.
+        actors, signals: names of the actors and signals that are left out. triggers: indices of the triggers that are
+            left out, among those that the clip has when it is cut.
     """
 
     first: int

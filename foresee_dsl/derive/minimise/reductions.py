@@ -68,8 +68,8 @@ def without_changes(trials: Trials, candidate: TrialCandidate) -> TrialCandidate
 
 
 def without_bystanders(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
-    """Leave out actors that the failure does not need, the farthest first: first all together, then halves, then one by
-    one.
+    """Leave out actors that the failure does not need, the farthest first. First all are left out together, then halves
+    of them, then single ones.
     """
     trial = trials.trial(candidate)
     if trial.result is None:

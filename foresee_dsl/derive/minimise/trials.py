@@ -182,7 +182,7 @@ class Trials:
         return deviation(there, first, trace, without=gone)
 
     def _reference(self) -> Trace | None:
-        """Return the run with which clips are compared: the parent's; for a clip that was edited, its own unmutated
+        """Return the run with which clips are compared: the parent's run or, if the clip was edited, its own unmutated
         run.
         """
         if self.subject.cut_again:

@@ -88,7 +88,7 @@ class DelayShift(_Added):
     name = property = "delay"
 
     def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
-        """Return the allowed delays around the present one."""
+        """Return the allowed delays, which lie around the present delay."""
         settings, was = preset.delay, situation.present_value(target, self.property)
         stops = situation.speed_mps(target, 0) <= STANDS_MPS or situation.kind(target) == "pedestrian"
         if was is None or not stops or not _moves_on_path(situation, target, preset):

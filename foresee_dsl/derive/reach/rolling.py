@@ -261,7 +261,7 @@ class Rolling:
         if not chosen:
             return []
         most = max(len(values) for _, values in chosen)
-        # A shorter row is filled with its own values.
+        # A row with fewer values is filled up by repeating its own values.
         shares = np.array([np.resize(values, most) for _, values in chosen])
         frames = np.array([self._frames(change.onset, self.settings.looks_s) for change, _ in chosen])
         actors = np.array([change.actor for change, _ in chosen])

@@ -91,7 +91,7 @@ class ExternalDriver:
         self._ideal, self._truth = ideal, truth
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Start the program, unless it stayed from the run before, and send it the mission.
+        """Start the program, unless it has stayed since the previous run, and send it the mission.
 
         Sets `version` to its name and version.
         """
@@ -146,7 +146,8 @@ class ExternalDriver:
         try:
             return read(self._program.exchange(line, deadline_s))
         except BaseException as err:
-            # On Ctrl-C too, because an answer that comes later would be taken for that of the next line.
+            # The program is killed on Ctrl-C too, because an answer that comes later would be taken for that to the
+            # next line.
             self._program.kill()
             self._forget()
             if isinstance(err, DriverLateError):

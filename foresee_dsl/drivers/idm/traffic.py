@@ -92,7 +92,7 @@ def read_others(situation: RoadSituation) -> Others:
 
 
 def leader(others: Others) -> IdmLeader | None:
-    """Return the nearest actor ahead in the corridor; None without one. An oncoming actor counts as standing."""
+    """Return the nearest actor ahead in the corridor; None if there is none. An oncoming actor counts as standing."""
     inside = (np.abs(others.d) < others.side + CORRIDOR_MARGIN_M) & (others.ahead > -1.0)
     if not inside.any():
         return None
@@ -113,7 +113,7 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
 
 def walkers(situation: RoadSituation, others: Others) -> float | None:
     """Return the gap (m) to the nearest pedestrian that is in the corridor now, or will be when the ego arrives; None
-    without one.
+    if there is none.
     """
     if not situation.actors["pedestrian"].any():
         return None
@@ -132,7 +132,7 @@ def walkers(situation: RoadSituation, others: Others) -> float | None:
 
 def stop_line(situation: RoadSituation) -> float | None:
     """Return the distance (m) to the first stop line at which a signal makes the ego stop, and at which it can stop;
-    None without one.
+    None if there is none.
     """
     ego = situation.ego
     for k in np.flatnonzero(_near_junctions(situation)).tolist():

@@ -35,7 +35,7 @@ class Positions:
         return {"line": line - 1, "character": self._units(before) + (self._mark if line == 1 else 0)}
 
     def range(self, span: Span | None) -> Json:
-        """Return the editor's range of a span; of None, the first line."""
+        """Return the editor's range of a span; for None, the range of the first line."""
         if span is None:
             span = Span(1, 1, 1, len(self.lines[0]) + 1)
         return {
