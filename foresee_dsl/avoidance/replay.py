@@ -21,7 +21,9 @@ from foresee_dsl.simulate.actors.roads import SlipperyGround
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEER, STEP_S, Trace, X, Y
 
 JERK_MPS3 = 12.65
-"""Rate at which braking builds up, m/s^3, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""
+"""Rate at which braking builds up, m/s^3. It reaches the hardest braking in 0.6 s: R157, Annex 4, appendix 3;
+`CC_min_jerk` in JRC-FSM.
+"""
 KEEPS_PATH_M = 3.0
 """Length over which a lateral error decays while braking, m. Ours: a wheelbase; the error stays below centimetres."""
 

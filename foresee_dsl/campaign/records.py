@@ -313,7 +313,8 @@ class Minimised:
 
     Attributes:
         child: its run. clip: the name of its clip. clip_text: the file of that clip.
-        dropped: changes and actors that were left out. boundaries: values at which its numbers begin to fail.
+        dropped: changes and actors that were left out. boundaries: the values at which its changed numbers begin to
+            cause the failure.
         changes, actors, clip_lines: numbers of changes, actors and lines of the clip's file, before and after.
         runs: number of runs needed. complete: whether the budget was enough for all reductions.
         note: why it is unchanged or not as small as possible; "" without a note.

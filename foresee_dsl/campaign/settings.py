@@ -100,7 +100,8 @@ class Shard:
 
 @dataclass(frozen=True)
 class CampaignLimits:
-    """Limits of a run; exceeding one is a result (`timeout`, `crash`) and does not affect other runs.
+    """Limits of a run. If a run exceeds one, that is its result (`timeout` or `crash`), and other runs are not
+    affected.
 
     Attributes:
         deadline_s: wall time of a run; None: `drivers.deadlines.STEADY_S` plus `SLOWEST` times the simulated time.

@@ -198,7 +198,7 @@ class PlacedActor:
     joins: bool = False
     """True if it continues along `route` at the end of `path`."""
     backs_mps: float = 0.0
-    """Speed with which it reverses at the first frame, m/s; `speed_mps` is 0 then."""
+    """Speed with which it reverses at the first frame, m/s; if it reverses, `speed_mps` is 0."""
     guided: bool = False
     """True if a trigger makes it follow a path."""
     door: DoorOf | None = None

@@ -217,9 +217,9 @@ def _types_of(specs: tuple[ModelSpec, ...], passing: tuple[str, ...]) -> Path:
 def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
     """Convert the compiler's problems to an error with places in the text.
 
-    A problem of an actor is placed at the actor's statement of the kind at fault, or else at the actor; in a mutant at
-    the `change` line of the actor; a problem of the scenario at its statement of that kind. If the statement is in
-    another file (the clip of a mutant), the message says so.
+    A problem of an actor is placed at the actor's statement of the kind at fault; if there is none, at the actor; in a
+    mutant, at the `change` line of the actor. A problem of the scenario is placed at the scenario's statement of the
+    kind at fault. If the statement is in another file (the clip of a mutant), the message says so.
     """
     named: set[tuple[int, str]] = set()
     diagnostics = [_diagnostic(case, problem, named) for problem in problems]

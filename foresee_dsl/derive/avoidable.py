@@ -23,12 +23,12 @@ strength of one behaviour often ends the same way."""
 SAME_ACTOR = 0.8
 """Factor on a candidate's score for each child of the same actor that is chosen already. Ours."""
 LEAST = 0.15
-"""Score below which at most `UNSURE` candidates of a clip are used. Ours: a candidate with this score hits even a
-driver that reacts late. Of 116 children of 11 test cases, 6 of the 9 with a score of at least 0.4 failed, 1 of the 18
-with a score between 0.2 and 0.4, and none of the 89 with a lower score.
+"""Of the candidates of a clip whose score is lower than this, at most `UNSURE` are used. Ours: a candidate with this
+score hits even a driver that reacts late. Of 116 children of 11 test cases, 6 of the 9 with a score of at least 0.4
+failed, 1 of the 18 with a score between 0.2 and 0.4, and none of the 89 with a lower score.
 """
 HARDLY = 0.08
-"""Score below which a candidate is not simulated. Ours: such a candidate misses even a driver that does not react."""
+"""A candidate with a lower score than this is not simulated. Ours: it misses even a driver that does not react."""
 ALIKE = 2
 """Maximum number of mutants for each actor and kind of change. Ours: a third one ends like the first two."""
 UNSURE = 2

@@ -21,7 +21,7 @@ _ROUNDING_M = 1e-6
 """Difference of heights that is attributed to rounding, m. Ours: far more than the rounding error of an interpolated
 height."""
 _END_M = 10.0
-"""Distance to its end below which a lane meets others in a junction instead of crossing over them, m (ours)."""
+"""Nearer than this to its end, a lane meets others in a junction instead of crossing over them, m (ours)."""
 CLEARANCE_M = 3.0
 """Smallest height between roads that cross without meeting, m (ours: less than the clearance of a bridge)."""
 

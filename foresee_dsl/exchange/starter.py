@@ -31,10 +31,13 @@ map is used (ours; the smallest maps are a road of 10 m, on which a car of 5 m s
 APPROACH_M = 120.0
 """Largest length that is driven on the first and on the last edge, m (ours: signals are visible from there)."""
 _ROOMY_M = 40.0
-"""Length of road ahead, m, from which a first edge is a street to start in, not a piece of a roundabout (ours)."""
+"""If at least this length of road is ahead, a first edge is a street to start in, not a piece of a roundabout, m
+(ours).
+"""
 _SLOW_STREET_MPS = 20 / 3.6
-"""Speed limit below which a street is a yard, or the limit is an error of the map, m/s (ours; an edition of CARLA's
-Town03 has 1.39 m/s)."""
+"""If the speed limit of a street is lower than this, the street is a yard or the limit is an error of the map, m/s
+(ours; an edition of CARLA's Town03 has a limit of 1.39 m/s).
+"""
 _MOST_WAYS = 10_000
 """Maximum number of routes that are compared (ours: those of a district; more would take seconds)."""
 _MOST_EDGES = 30

@@ -42,7 +42,9 @@ _KEPT_S = 1.0
 _STANDS_OFF_M = 1.0
 """Distance at which the driver aims to stop before an actor that comes into its way, m. Ours."""
 _SAME_MPS2 = 0.1
-"""Difference of acceleration below which it drives as recorded, m/s^2. Ours: below what people feel."""
+"""If the wanted acceleration differs by less than this from the recorded one, the driver drives as recorded, m/s^2.
+Ours: people do not feel such a difference.
+"""
 _DECIDES_EVERY = 2
 """Frames between decisions: 10 Hz, the rate of the standard sensors."""
 

@@ -32,10 +32,14 @@ REACTION_S = EVALUATION_S + DELAY_S
 """Time from the first moment at which the driver can foresee the conflict until it acts: R157's evaluation and delay,
 1.15 s."""
 _BRAKED_MPS2 = 3.5
-"""Braking above which an ego that is hit from behind may have caused it, m/s^2. Ours: just over comfortable braking."""
+"""An ego that is hit from behind may have caused the contact if it braked harder than this, m/s^2. Ours: just over
+comfortable braking.
+"""
 _LOOKS_BACK_S = 3.0
 SLOWER_MPS = 0.5
-"""Speed difference below which a run without braking counts as driven in the same way, m/s. Ours: 2 km/h."""
+"""If the difference in speed is smaller than this, a run without braking counts as driven in the same way, m/s. Ours: 2
+km/h.
+"""
 
 
 class AnticipatingDriver:

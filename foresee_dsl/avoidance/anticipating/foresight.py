@@ -212,9 +212,8 @@ def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
 
 
 def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()) -> float | None:
-    """Return the time, s, from which the driver foresees the conflict without interruption until the contact.
-
-    None if never.
+    """Return the time, s, from which the driver foresees the conflict without interruption until the contact; None if
+    it does not.
     """
     info, forgets = trace.actors[0], round(FORGETS_S / STEP_S)
     first_frame: int | None = None

@@ -34,11 +34,14 @@ from foresee_dsl.avoidance.anticipating.settings import (
 )
 
 _TOWARDS_MPS = 0.2
-"""Speed towards the way's line above which a walker walks towards it, m/s. Ours: a seventh of walking pace."""
+"""A walker walks towards the way if its speed towards the way's line is above this, m/s. Ours: a seventh of walking
+pace.
+"""
 _HALF_CROSSING_M = 2.0
 _APPROACHES_M = 8.0
-"""Distance to the way below which the driver slows for a walker who walks towards it, m. Ours: five seconds of
-walking."""
+"""The driver slows for a walker who walks towards the way and is nearer to it than this, m. Ours: five seconds of
+walking.
+"""
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,8 @@ class Hazard:
     """A place that the driver passes at a careful speed.
 
     Attributes:
-        what: its name in reports. from_m: distance ahead of the ego's front at which the speed must be reached.
-            speed_mps: that speed.
+        what: its name in reports. from_m: distance ahead of the ego's front at which the careful speed must be reached.
+            speed_mps: the careful speed.
     """
 
     what: str

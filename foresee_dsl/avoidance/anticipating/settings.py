@@ -51,30 +51,37 @@ CROSSES_RAD = math.radians(45)
 comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model.
 """
 GAP_S = 0.5
-"""Time between two road users at one place below which they are in conflict, s. Ours: post-encroachment
-times under 1 s are serious in conflict studies; the predicted boxes add the ego's length."""
+"""Two road users are in conflict if less time than this lies between them at one place, s. Ours: post-encroachment
+times under 1 s are serious in conflict studies; the predicted boxes add the ego's length.
+"""
 FORGETS_S = 1.0
-"""Interruption below which a conflict counts as the same one, s. Ours: as long as sensors keep a track."""
+"""If a conflict is interrupted for less than this, it counts as one conflict, s. Ours: as long as sensors keep a track.
+"""
 
 WALKING_MPS = 1.39
 """5 km/h: Euro NCAP, AEB VRU protocol, walking adult and obstructed child."""
 RUNNING_MPS = 2.22
 """8 km/h: Euro NCAP, AEB VRU protocol, running adult; here a person who gets off or catches a bus."""
 BESIDE_M = 3.0
-"""Distance of a stopped vehicle to the ego's side below which it may hide a walker, m. Ours: a lane's width."""
+"""A stopped vehicle that is nearer than this to the ego's side may hide a walker, m. Ours: a lane's width."""
 HIDES_M = 1.2
-"""Width below which a standing object does not hide a walker, m. Ours: a skip and a parked car hide one, a cone and a
-cabinet do not."""
+"""A standing object that is narrower than this does not hide a walker, m. Ours: a skip and a parked car hide a walker,
+a cone and a cabinet do not.
+"""
 KERB_M = 2.0
-"""Distance to the ego's side below which a standing walker may step out, m. Ours: a kerb, and a step from it."""
+"""A standing walker who is nearer than this to the ego's side may step out, m. Ours: the width of a kerb, and a step.
+"""
 CLOSE_M = 1.0
-"""Distance to the ego's side below which a walker is a hazard, whatever its direction, m. Ours, measured: when walkers
-were instead predicted to turn by 15 degrees at any time, the driver stopped 19 m before a walker along the kerb."""
+"""A walker who is nearer than this to the ego's side is a hazard, whatever its direction, m. Ours, measured: when
+walkers were instead predicted to turn by 15 degrees at any time, the driver stopped 19 m before a walker along the
+kerb.
+"""
 AT_CROSSING_M = 3.0
-"""Distance to a crossing with priority for walkers below which a walker may want to cross, m. Ours: two steps. German
-law (StVO 26) asks for moderate speed there, and to wait."""
+"""A walker who is nearer than this to a crossing with priority for walkers may want to cross, m. Ours: two steps.
+German law (StVO 26) requires vehicles to approach such a crossing at moderate speed and to wait.
+"""
 NEAR_VEHICLE_M = 5.0
-"""Distance to a stopped vehicle below which walkers belong to it, m. Ours: a car's length."""
+"""Walkers who are nearer than this to a stopped vehicle belong to it, m. Ours: a car's length."""
 SLOWEST_MPS = 30 / 3.6
 """Lowest speed to which the driver slows for hazards, m/s. Ours, after the zones of 30 km/h in which such streets
 lie."""
@@ -95,7 +102,7 @@ from behind. Ours: 20 degrees, as `CROSSING_RAD` of the near misses.
 """
 
 NEARLY_STANDS_MPS = 0.3
-"""Speed below which an actor counts as standing, m/s. Ours: a tenth of walking pace above SUMO's threshold."""
+"""Speed below which an actor counts as standing, m/s. Ours: SUMO's threshold plus a tenth of walking pace."""
 
 MARGIN_M = 0.3
 """Smallest distance to all actors that the screening requires of braking, m. Ours: the lateral error of a fast car in a
@@ -103,7 +110,9 @@ step."""
 MARGIN_ASIDE_M = 0.5
 """Smallest distance to all actors that the screening requires of evading, m. Ours."""
 CLEAR_M = 0.1
-"""Distance to any actor below which a confirming run does not count as preventing, as chance decides, m. Ours."""
+"""If the ego comes nearer than this to an actor in a confirming run, the run does not show that the failure is
+prevented, because chance decides, m. Ours.
+"""
 LOOKS_ON_S = 3.0
 """Duration of a confirming run after the failure's contact, s. Ours: at the end of this time, an ego that brakes
 comfortably from 50 km/h has stood for a while, and the other actor has passed.

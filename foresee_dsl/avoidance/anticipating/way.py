@@ -18,7 +18,9 @@ seconds."""
 _JOINS_M = 12.0
 """Length over which a lateral distance to the route's line decays, m. Ours: at 10 m/s about 1 s."""
 _NEAR_M, _NEAR_RAD = 3.0, 0.6
-"""Distance (m) and angle (rad) to the route's line above which the way is extended straight on instead. Ours."""
+"""If the run ends farther than this from the route's line, m, or at a larger angle to it, rad, the way is extended
+straight on instead. Ours.
+"""
 _SPACING_M = 1.0
 
 

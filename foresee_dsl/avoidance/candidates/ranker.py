@@ -17,8 +17,9 @@ from foresee_dsl.simulate.trace import STEP_S, Trace
 BEST = 4
 """Number of the best candidates whose mean score is the score of a moment (the children of a clip in a campaign)."""
 APART_S = 2.0
-"""Time between two moments below which only the better one counts, s. Ours: clips of 10 s that begin closer together
-show the same."""
+"""Of two moments that are less than this apart, only the better one counts, s. Ours: clips of 10 s that begin closer
+together show the same events.
+"""
 
 
 _Moment = tuple[float, CloseEncounter, ScoredCandidate]

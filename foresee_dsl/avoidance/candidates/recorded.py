@@ -19,8 +19,8 @@ class RecordedRun:
 
     Attributes:
         tracks: [A, T, 4] x, y (m), heading (rad, continuous), distance to the next frame (m); NaN before an actor
-            appears, straight on after it has left. sizes: [A, 3] length, width, height (m). there: [A, T] whether it is
-            present.
+            appears; after it has left, it continues straight on. sizes: [A, 3] length, width, height (m). there: [A, T]
+            whether it is present.
     """
 
     trace: Trace

@@ -35,8 +35,9 @@ CAREFUL = (
 """Careful drivers: one brakes early, two approach more slowly, one keeps to the left and one to the right. Ours: less
 than half a lane's free width aside, and the speed of a driver who expects a hazard."""
 NEAR_M = 0.25
-"""Miss distance at which the probability of a hit decays to about a third, m. Ours: the error of a roll-out after some
-seconds."""
+"""If the roll-out misses the ego by this distance, the probability of a hit is about a third of that for a distance of
+zero, m. Ours: the error of a roll-out after some seconds.
+"""
 EGO_STANDS_MPS = 0.5
 """Speed below which the ego stands at the contact, m/s; such a contact counts as unavoidable."""
 SUDDEN, SUDDEN_S = 0.5, 0.7
@@ -58,9 +59,9 @@ SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
 those that hit only a driver that is late or does not react, one in twenty fails.
 """
 PROMISING = 0.1
-"""Score of the best candidate below which a moment is not promising. Ours, chosen on the even half of the test cases:
-in the 260 clips whose best candidate had a score below 0.12, 1 of 268 children failed; in the other 161 clips, 62 of
-373 failed.
+"""A moment is not promising if its best candidate has a lower score than this. Ours, chosen on the even half of the
+test cases: in the 260 clips whose best candidate had a score below 0.12, 1 of 268 children failed; in the other 161
+clips, 62 of 373 failed.
 """
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))

@@ -24,8 +24,9 @@ from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
-"""Time for which a risk must last to be perceived, s: ours, after R157, Annex 4, appendix 3: JRC-FSM
-(`CC_calc_dist_to_react`) has a lateral way of 0.72 m for it, 0.4 s at 1.8 m/s."""
+"""Time for which a risk must last to be perceived, s. Ours, after R157, Annex 4, appendix 3: instead of a time, JRC-FSM
+(`CC_calc_dist_to_react`) has a lateral way of 0.72 m, which takes 0.4 s at 1.8 m/s.
+"""
 DELAY_S = 0.75
 """Time from the perception to the beginning of braking, s: R157, Annex 4, appendix 3; `CC_rt` in JRC-FSM."""
 CRITICAL_TTC_S = 2.0
@@ -41,11 +42,14 @@ its clause). If only `CRITICAL_TTC_S` counted, an ego that drives at 8.5 m/s or 
 on a clear road, because only 0.85 s (7.2 m) remain for braking.
 """
 MERGES_RAD = math.pi / 4
-"""Angle to the ego's heading below which a vehicle that crosses the ego's line is expected to stay on it (a cut-in, for
-which R157 takes the time to collision along the lane). Ours: the bound of the same direction in
-`simulate.results.outcome`."""
+"""A vehicle that crosses the ego's line at a smaller angle than this to the ego's heading is expected to stay on the
+line (a cut-in, for which R157 takes the time to collision along the lane). Ours: up to the same angle,
+`simulate.results.outcome` treats two directions as the same.
+"""
 MOVED_M = 0.001
-"""Step between two frames below which it has no direction, m. Ours: it is 2 cm/s."""
+"""If an actor moves by less than this between two frames, the movement has no direction, m. Ours: this is a speed of 2
+cm/s.
+"""
 PREDICTED_EVERY_S = 0.05
 """Time between predicted positions, s. Ours: a step of the simulation; at 20 m/s a metre."""
 

@@ -31,11 +31,13 @@ NEAR_MISS = 0.2
 """Worth of a pass with the nearest possible miss; for other passes the worth decreases with the square of the nearness
 (`nearness_of`)."""
 NEAR_M = 2.0
-"""Distance between footprints below which a pass is a near miss, m. Ours: about a driver's clearance to a parked car
-and its door."""
+"""A pass in which the footprints come nearer than this to each other is a near miss, m. Ours: about a driver's
+clearance to a parked car and its door.
+"""
 NEAR_S = 1.5
-"""Time to collision below which a pass is a near miss, s: a serious conflict in the literature (see
-`simulate.results.near_misses`)."""
+"""A pass in which the time to collision falls below this is a near miss, s. The literature calls this a serious
+conflict (see `simulate.results.near_misses`).
+"""
 
 
 WAY_WEIGHT = 8.0

@@ -165,7 +165,7 @@ class _Unit:
 
     @property
     def open_plans(self) -> list[int]:
-        """Return the plans (ways to draw mutants) that are not exhausted; the preset's search comes before all others."""
+        """Return the plans (ways to draw mutants) that are not exhausted: the preset's search, then the others."""
         if self.turns[SEARCHED] < self.searched:
             return [SEARCHED]
         return [plan for plan in range(len(self.plans)) if plan not in self.dry]

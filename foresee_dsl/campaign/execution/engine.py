@@ -366,10 +366,9 @@ def _row(result: StepResult, *, broken: bool = False) -> Row:
 
 
 def _broken_row(node: StepNode, broken: Broken) -> Row | None:
-    """Return the stored record of a run that gave no result; None if nothing is stored for it.
-
-    None if the step is a forecast or a mutation, not a run; also if the process was ended from outside, which is not a
-    result: the next campaign runs the step again.
+    """Return the stored record of a run that gave no result; None if nothing is stored for it: if the step is a
+    forecast or a mutation, not a run, or if the process was ended from outside. The latter is not a result, so the next
+    campaign runs the step again.
     """
     if broken.how == "killed":
         return None

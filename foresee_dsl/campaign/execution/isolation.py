@@ -119,8 +119,9 @@ class Worker:
         """The tasks that the process has received but not begun."""
         self.current: tuple[int, Task] | None = None
         self.since_s = 0.0
-        """Time on the monotonic clock at which the process began its present task, or finished the last part of it,
-        s."""
+        """Time on the monotonic clock at which the process began its present task or, if it has finished a part of it,
+        finished the last part, s.
+        """
         self.finished = 0
         """Number of tasks that the process has finished."""
         self.changed: tuple[str, ...] = ()

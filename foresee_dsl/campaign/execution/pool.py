@@ -308,9 +308,8 @@ class WorkerPool(Executor):
             raise RuntimeError(f"worker processes die as soon as they start: {how}")
 
     def _batch(self, worker: Worker) -> list[tuple[int, Task]]:
-        """Return the next tasks from the queue: fewer when few are left.
-
-        A task at which a process ended comes alone.
+        """Return the next tasks from the queue: fewer than `BATCH` when few are left. A task at which a process ended
+        forms a batch of its own.
         """
         size = max(1, min(BATCH, math.ceil(len(self._queue) / (2 * self._jobs))))
         most = 1 if self._suspect(self._queue.first) else size

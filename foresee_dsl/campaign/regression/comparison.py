@@ -127,7 +127,8 @@ class Pair:
 
 @dataclass(frozen=True)
 class Nearer:
-    """A near miss that came nearer: its measure, the values before and after (None: no value), and the other actor.
+    """A near miss that became nearer to a failure: its measure, the values before and after (None: no value), and the
+    other actor.
 
     `share`: the change, divided by the limit below which values are near.
     """

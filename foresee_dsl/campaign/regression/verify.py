@@ -40,8 +40,9 @@ from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
 from foresee_dsl.simulate.results.verdict import Verdict
 
 LONGEST_S = 300.0
-"""Longest simulated time of a run, s, from which the deadline of its process follows. Ours: no test case of the library
-is longer; each run also ends by its own length."""
+"""Longest simulated time of a run, s; the deadline of its process follows from this. Ours: no test case of the library
+is longer. Each run also ends after the length of its test case.
+"""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class CampaignChange:
 
 
 def changes_of(folder: Path) -> tuple[CampaignChange, ...]:
-    """Return the campaigns of a folder and of the folders in it, sorted by folder, the oldest first.
+    """Return the campaigns of a folder and of the folders in it, sorted by folder and then by time, the oldest first.
 
     Raises:
         ForeseeError: a history cannot be read.

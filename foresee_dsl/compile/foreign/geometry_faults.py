@@ -26,20 +26,22 @@ if TYPE_CHECKING:
 
 KINK_RAD = math.radians(60)
 KINK_WITHIN_M = 2.0
-"""Length within which a turn by more than 60 degrees is a kink, m: a car cannot follow such a line, because its radius
-is 1.9 m and a car's smallest radius is about 5 m."""
+"""A turn by more than 60 degrees within this length is a kink, m: a car cannot follow such a line, because the line has
+a radius of 1.9 m, and the smallest radius of a car is about 5 m.
+"""
 LONGEST_GAP_M = 1.0
 """Largest gap between two consecutive lanes, m (ours; the largest of the 2,346 connections of CARLA's towns is 0.2
 m)."""
 SHORTEST_LOOP_M = 35.0
-"""Length below which a line that crosses itself is a fault and not a loop road, m: the smallest circle that a car can
-drive is 35 m long."""
+"""If a line crosses itself after a shorter length than this, that is a fault and not a loop road, m: the smallest
+circle that a car can drive is 35 m long.
+"""
 NARROWEST_M = 1.5
 """Smallest width of a lane for cars, m (ours: the smallest cars are 1.5 m wide)."""
 FARTHEST_OUTSIDE_M = 3.5
 """Largest distance of a connection from its junction's area and the lanes that meet there, m: a lane's width (ours)."""
 _TOLERANCE_M = 0.05
-"""Size below which a zigzag is attributed to rounding, m."""
+"""A zigzag smaller than this is attributed to rounding, m."""
 _BESIDE_M = 3.0
 """Length of the lanes before and behind a connection that are checked together with it, m: more than
 `KINK_WITHIN_M`."""

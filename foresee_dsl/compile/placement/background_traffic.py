@@ -47,8 +47,9 @@ PARKED_STEP_M = 0.5
 PARKED_GAP_M = 0.8
 """Smallest gap between two parked vehicles, m. Ours: about the least with which a vehicle can pull out."""
 CORNER_M = 8.0
-"""Distance to a junction within which no vehicle is parked, m: Germany's StVO, section 12 (3), for roads with a cycle
-track; 5 m for others."""
+"""Distance to a junction within which no vehicle is parked, m: Germany's StVO, section 12 (3), requires this distance
+on roads with a cycle track, and 5 m on other roads.
+"""
 SLACK_M = 0.15
 """Largest distance of a parked vehicle from the middle of its strip, to either side, m (ours)."""
 WALKS_TRIED = 20

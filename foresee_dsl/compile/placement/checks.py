@@ -27,7 +27,7 @@ from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 NEAR_ROAD_M = 30.0
 """Maximum distance of pedestrians, obstacles and actors on paths from a lane, m (ours: farther away is an error)."""
 GOAL_OFF_M = 5.0
-"""Distance from the ego's centreline beyond which a goal is on another road, m (ours: more than a lane's width)."""
+"""A goal that is farther than this from the ego's centreline is on another road, m (ours: more than a lane's width)."""
 _MOST_NAMED = 20
 """Maximum number of reported problems of a kind (ours: a screen; 500 actors in one place make 124,750 pairs)."""
 _MOST_COUNTED = 10_000

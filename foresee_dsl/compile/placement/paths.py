@@ -20,8 +20,9 @@ BESIDE_M = 2.5
 lane and a margin.
 """
 LINE_OVER_M = 5.0
-"""Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
-pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
+"""Length of path, m, over which an actor moves to its `line`. Ours: for 0.6 m sideways, the actor turns aside by 7 deg,
+like a pedestrian who crosses obliquely. A pedestrian needs 4 s for this length, a bicycle about 1 s.
+"""
 _SHARPEST = 0.5
 """The offset line keeps its corner where the cosine of half the turn is at least this (ours). At a sharper turn the
 corner would extend far outwards, so it is cut at two widths.

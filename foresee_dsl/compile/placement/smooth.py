@@ -17,10 +17,11 @@ from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.errors import measured
 
 _STRAIGHT_M = 0.05
-"""Distance from the straight between its neighbours below which a corner of a route's line is attributed to rounding,
-m: nets are rounded to 1 cm. Ours."""
+"""If a corner of a route's line is nearer than this to the straight line between its neighbours, it is attributed to
+rounding, m: nets are rounded to 1 cm. Ours.
+"""
 _STRAIGHT_RAD = 1e-4
-"""Turn at a point below which a line counts as straight there, rad: 0.1 mm per metre. Ours."""
+"""A line counts as straight at a point at which it turns by less than this, rad: 0.1 mm per metre. Ours."""
 _CUT_M = 0.5
 """Largest distance of an arc from its corner, m. Ours: SUMO's roundabouts of 20 corners deviate as much from a circle
 of 40 m."""

@@ -33,14 +33,16 @@ EGO_BEYOND_M = 80.0
 """Length by which the ego's line continues after its last edge, m (ours: a driver that plans 4 s ahead at 60 km/h needs
 67 m)."""
 OFF_ROUTE_M = 3.0
-"""Distance from every lane of its route beyond which a start is reported, m (ours: about a lane's width)."""
+"""A start that is farther than this from every lane of the actor's route is reported, m (ours: about a lane's width).
+"""
 OTHER_LANE_MARGIN_M = 0.2
 """Margin, m: a clip's ego follows its route's line if its distance from the line is less than a lane's width minus
 this. Ours: an ego that passes an obstacle in the next lane was measured up to 3.05 m from its line, where lanes are 3.5
 m wide."""
 OFF_STATE_M = 0.05
-"""Distance of a state from the position of `moving` beyond which a mutation has moved the actor along its path, m; the
-actor then starts at that position. Ours: a clip rounds to 1 mm."""
+"""If an actor's state is farther than this from the position that `moving` states, a mutation has moved the actor along
+its path, and it starts at that position, m. Ours: a clip rounds to 1 mm.
+"""
 _BEYOND_WEIGHT = 30.0
 """Cost per metre beyond a lane's end, where 1 rad of heading costs 1: a vehicle beyond the end is on the next lane,
 even if it has not turned yet. Ours: internal lanes begin with a corner of up to 0.3 rad, which 1 cm outweighs."""

@@ -357,7 +357,7 @@ def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
 
 
 _LEAST_STOP_M = 0.5
-"""Length of a stop below which it has no outline, because the edge's beginning cuts off the rest, m (ours)."""
+"""If the edge's beginning cuts off a stop so that less than this length remains, the stop has no outline, m (ours)."""
 
 
 def _stop_outline(lane: Lane, front_m: float, length_m: float) -> Points:

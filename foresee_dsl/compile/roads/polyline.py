@@ -32,19 +32,22 @@ MERGE_M = 0.05
 """Distance below which two points are treated as one, m: netconvert 1.28 rounds to 1 cm by default, so the direction of
 a segment of 1 cm is meaningless."""
 SPIKE_M = 0.5
-"""Length below which a reversal is a fault of the map, m, which occurs where two lanes join (CARLA's Town01 has six of
-0.2 m)."""
+"""A reversal shorter than this is a fault of the map, m. Such faults occur where two lanes join (CARLA's Town01 has six
+of 0.2 m).
+"""
 CURVATURE_SPAN_M = 5.0
-"""Length over which curvature is computed from the change of heading, m (ours: netconvert's turns have a corner every 2
-to 4 m)."""
+"""The curvature is computed from the change of heading over this length, m (ours: netconvert's turns have a corner
+every 2 to 4 m).
+"""
 _WINDOW_M = 12.0
 """Length before and after a hint in which the nearest point is searched, m (ours: a vehicle moves at most 3 m a
 step)."""
 _SAMPLE_EVERY = 16
 """One in this number of segments is used for a first bound of a point's distance to the line (ours, measured)."""
 _SKIP_BEYOND_M2 = 4.0
-"""Excess of a point's squared distance over the squared bound, m^2, from which segments are skipped; for less,
-computing the number to skip costs more than it saves (ours, measured)."""
+"""Segments are skipped if the squared distance of a point exceeds the squared bound by at least this, m^2. If it
+exceeds the bound by less, computing how many can be skipped costs more than it saves (ours, measured).
+"""
 _ROUNDING_M = 1e-6
 """Margin of the bound, m, so that rounding errors cannot skip the nearest segment."""
 _NARROW_WINDOW_M, _ON_LINE_M = 2.0, 0.5

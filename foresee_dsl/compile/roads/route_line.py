@@ -217,7 +217,8 @@ def _advance(
 def _ahead(network: Topology, plan: Sequence[_Stretch], length_m: float, kind: LaneKind) -> list[_Stretch]:
     """Return a plan that continues beyond the route's end from its last lane, straight on if possible.
 
-    It never enters an edge twice, as in a roundabout, because the nearest point of the line would be ambiguous there.
+    It never enters an edge twice (as it could in a roundabout), because the nearest point of the line would be
+    ambiguous on that edge.
     """
     stretches = list(plan)
     visited = {stretch.edge for stretch in plan}

@@ -18,8 +18,9 @@ from foresee_dsl.language.traversal import word_of
 
 _AROUND = "choose a way around that place, or correct the map there"
 _STRAIGHT_RAD = math.radians(45)
-"""Largest difference from straight on at which an exit of a roundabout counts as straight, rad (as for SUMO's
-directions)."""
+"""An exit of a roundabout counts as straight if its direction differs from straight on by at most this, rad (as for
+SUMO's directions).
+"""
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
 """SUMO's letters of directions in order of preference: if a plain turn and a half turn both count as `left`, `left`

@@ -86,7 +86,7 @@ def clip(
     if handover > 0:
         first -= first % round(PLANS_EVERY_S / STEP_S)
     if point.begins is not None:
-        handover = point.begins - first  # up to the moment at which the proposed change begins
+        handover = point.begins - first  # the hand-over lasts until the proposed change begins
     elif first == 0:
         handover = 0
     last = point.frame + round(after_s / STEP_S)

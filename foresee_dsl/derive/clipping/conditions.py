@@ -28,8 +28,8 @@ class ClipMoment:
     Attributes:
         time_s: its time in the run.
         gone: actors that have left.
-        places: points of the places on routes, by their text; routes begin elsewhere in the clip, so the places are
-            written as points.
+        places: the points of places on routes, by the text of each place. Routes begin elsewhere in the clip, so the
+            clip states these places as points.
     """
 
     time_s: float

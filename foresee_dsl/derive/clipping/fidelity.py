@@ -77,8 +77,9 @@ def share_within(deviations: Sequence[float]) -> float:
 def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Container[str] = frozenset()) -> Deviation:
     """Compare the run of an unmutated clip with its parent's.
 
-    While an actor is in the world in one run only, its distance counts from its last place in the other run, unless it
-    left both within a frame of each other. Actors that are absent at the window's beginning are not compared.
+    While an actor is in the world in one run only, its distance is measured to its last place in the other run, unless
+    it left the two runs within one frame of each other. Actors that are absent at the window's beginning are not
+    compared.
 
     Args:
         parent: the run from which the clip was cut.

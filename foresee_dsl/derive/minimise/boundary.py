@@ -187,8 +187,8 @@ def _summary(value: float, trial: Trial) -> ValueTrial:
 
 
 def _offset(trials: Trials, candidate: TrialCandidate, index: int, grid: ValueGrid) -> float:
-    """Return by how much the actor's value is larger in a clip that begins later, because the actor has moved on by
-    then.
+    """Return by how much the actor's value is larger in a clip that begins later, at a moment to which the actor has
+    moved on.
     """
     built = trials.trial(candidate).built
     own = grid_of(built.mutant.changes[index]) if built is not None else None

@@ -185,7 +185,9 @@ class LineShift(_Added):
 class StyleChange(BuiltIn):
     """Another driving style of a vehicle or bicycle that SUMO drives along lanes; it obeys all rules, as before.
 
-    The roll-out knows only the slower acceleration of `creeps`; what another style does depends on the ego."""
+    The roll-out models only the slower acceleration of `creeps`, because the effect of any other style depends on the
+    ego.
+    """
 
     name = property = "style"
 

@@ -128,8 +128,8 @@ def _tale(trace: Trace, rolled: RollOut, value: int, step: int) -> Tale:
 def in_order(promises: Sequence[ReachPromise], settings: ReachSettings) -> list[ReachPromise]:
     """Return the promises, best first: each is rated by the kinds of contact that those before it do not have.
 
-    Each earlier promise lowers the worth of its kinds of contact, in proportion to their share in it. Of equal promises
-    the one with the later onset comes first, because it leaves the least time unused.
+    Each earlier promise lowers the worth of its kinds of contact, in proportion to their share in it. Of two equal
+    promises, the one with the later onset comes first, because it leaves less time unused.
     """
     tales = list(dict.fromkeys(tale for candidate in promises for tale in candidate.tales))
     column = {tale: k for k, tale in enumerate(tales)}

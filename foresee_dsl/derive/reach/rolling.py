@@ -28,8 +28,9 @@ from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 _CRAWLS_MPS = 0.5
-"""Speed below which the recorded yaw rate does not tell the curvature, m/s; the wheels are then assumed to be straight.
-Ours."""
+"""At a lower speed than this, the recorded yaw rate does not tell the curvature, so the wheels are assumed to be
+straight, m/s. Ours.
+"""
 _TIGHTEST_PER_M = 0.3
 """Largest curvature that is computed from a recorded yaw rate, 1/m. Ours: a car's turning circle has a radius of
 5.5 m."""
@@ -114,8 +115,9 @@ def steered(
 
 
 _CLOSE_M = 2.0
-"""Gap between the circles around two bodies below which the distance of their footprints is computed, m; above, that of
-the circles is exact enough."""
+"""If the gap between the circles around two bodies is smaller than this, the distance between their footprints is
+computed, m. Otherwise the distance between the circles is exact enough.
+"""
 _AFTER_POINT_S = 1.0
 """Time after the risky point up to which operators need the run (`Situation.driven_m`), s."""
 

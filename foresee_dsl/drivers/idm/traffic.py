@@ -32,7 +32,7 @@ STILL_MPS = 0.1
 CONFLICT_MARGIN_M = 1.0
 """Distance before a conflict at which the ego waits, m. Ours: the front corners swing out in a turn."""
 YIELD_BRAKING_MPS2 = 4.0
-"""Braking up to which the ego brakes in order to give way, m/s^2. Ours."""
+"""The hardest braking with which the ego gives way, m/s^2. Ours."""
 GAP_MARGIN_S = 1.5
 """Least time between the ego clearing a conflict and the arrival of a vehicle with priority, s. Ours."""
 WALKER_AIR_M = 0.8

@@ -113,7 +113,8 @@ def signal_brakings(route: DriverRoute, strongest_mps2: float, signals: Mapping[
 def signal_braking(
     passage: JunctionPassage, strongest_mps2: float, signals: Mapping[str, SignalColour]
 ) -> float | None:
-    """Return the braking up to which the ego stops at a junction's line, m/s^2; None if the signal lets it go.
+    """Return the hardest braking with which the ego stops at a junction's stop line, m/s^2; None if the signal lets it
+    go.
 
     At a signal that it does not see, the ego is ready to stop.
     """
