@@ -112,9 +112,9 @@ class _PerturbedEgo:
 def crosses(trace: Trace, actor: int, ego_path: NDArray[np.float64], settings: ForeseeSettings) -> bool:
     """Step 1b: return whether an actor's recorded path meets the ego's, at any time of the run.
 
-    It does if the two paths intersect at an angle, or if the actor enters, from the side, the corridor of both bodies'
-    half widths around the ego's path (a merge, a cut-in). An actor that stays ahead or behind in the ego's lane does
-    not meet the path; step 1c examines it."""
+    They meet if the two paths intersect at an angle, or if the actor enters from the side (a merge, a cut-in) the
+    corridor around the ego's path, which extends on each side by half of both bodies' widths together. An actor that
+    stays ahead or behind in the ego's lane does not meet the path; step 1c examines it."""
     path = thinned_path(trace.states[:, actor, [X, Y]], settings.path_step_m)
     half_width_m = (trace.actors[0].width_m + trace.actors[actor].width_m) / 2
     return paths_cut(path, ego_path, angle_rad=settings.crossing_angle_rad) or enters_from_side(

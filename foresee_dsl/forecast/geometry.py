@@ -65,7 +65,8 @@ def local_minima(distance_m: FloatArray, *, within_m: float, prominence_m: float
     Args:
         distance_m: [T], infinite where an actor is absent.
         within_m: larger minima are left out.
-        prominence_m: two minima are one if the distance between them rises by less than this above the larger one.
+        prominence_m: two minima count as one if, between their frames, the distance rises by less than this above the
+            larger minimum.
 
     Returns:
         For each minimum its frame, and the last frame up to which the distance exceeds the minimum by less than the

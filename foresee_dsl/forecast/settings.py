@@ -38,11 +38,11 @@ class ForeseeSettings:
         lateral_error_m, longitudinal_error_m, heading_error_rad: largest deviation of a perturbed trajectory at the end
             of the horizon. Reid et al. 2019 (arXiv 1906.01061), passenger vehicle on local roads, which the paper
             cites: 0.29 m, 0.29 m, 0.50 deg.
-        same_encounter_s: time between two minima of one actor below which they are one encounter. Ours: 1 s, the raster
-            of the exhaustive baseline.
-        prominence_m: rise of the distance between two minima below which they are one, so that jitter of standing or
-            side-by-side actors does not count. Ours: 0.1 m, above the sway of a controller that keeps its lane and
-            under every threshold.
+        same_encounter_s: two minima of one actor that are less than this time apart are one encounter. Ours: 1 s, the
+            raster of the exhaustive baseline.
+        prominence_m: two minima count as one if the distance rises by less than this between them, so that jitter of
+            standing or side-by-side actors does not count. Ours: 0.1 m, above the sway of a controller that keeps its
+            lane and under every threshold.
     """
 
     vehicle_radius_m: float = 10.0

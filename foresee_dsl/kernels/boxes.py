@@ -147,7 +147,7 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
 def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
     """Return whether a box comes within `radius` (m) of another one on any of its paths.
 
-    `paths`: [N, T, 3] x, y, heading. `other`: [T, 3] the same of the other box, NaN where absent. `sizes`: [2, 2]
+    `paths`: [N, T, 3] x, y, heading. `other`: [T, 3] x, y, heading of the other box, NaN where absent. `sizes`: [2, 2]
     length and width of the box and of the other one, m.
     """
     outer = radius + _reach(sizes[0], sizes[1])
@@ -231,7 +231,8 @@ def drives_on(
 ) -> bool:
     """Return whether the ego touches no other actor and its wheels are in squares with the state `WHOLE`.
 
-    `states`: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. `sizes`: [K, 2] of the others.
+    `states`: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. `sizes`: [K, 2] length, width
+    of the others.
     `ego`: [5] its length and width, then `front`, `rear`, `left` of `wheels`. The rest: see `drivable_area.Squares`.
     """
     if _hits(_posed(states[0], ego), states[1:], sizes).size > 0:

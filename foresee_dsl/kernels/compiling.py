@@ -123,7 +123,8 @@ def compiled(*signature: ArgumentKind) -> Callable[[F], F]:
 
 @cache
 def ensure() -> None:
-    """Compile all kernels, ours and those of other packages, if the cache does not have them: a minute, once.
+    """Compile all kernels, ours and those of other packages, if the cache does not have them; this takes a minute,
+    once.
 
     A run calls this before it measures the time of its driver.
     """
@@ -177,7 +178,7 @@ def _added() -> tuple[str, ...]:
 
 
 def _state_around(function: Callable[..., Any]) -> str:
-    """Return a hash of the code that a kernel may use: this folder and, if it is another one, its own package."""
+    """Return a hash of the code that a kernel may use: the files of this folder and of the kernel's own package."""
     own = [package for package in _added() if (function.__module__ or "").startswith(f"{package}.")]
     states = [state_of(_FOLDER), *(state_of(Path(path)) for name in own for path in import_module(name).__path__)]
     return states[0] if len(states) == 1 else hashlib.sha256("".join(states).encode()).hexdigest()[:12]

@@ -34,9 +34,9 @@ class Follower(NamedTuple):
     Attributes:
         along: its position, as the length along the path, m. speed: m/s. pace: the speed to reach, m/s.
         acceleration, braking: rates of speeding up and braking, m/s^2, positive.
-        stop: length at which it must wait, m; NaN without one. half_length: half its footprint's length, m; 0 for an
-            actor that turns on the spot. heading: heading of the path at its position, rad.
-        length, width: of its footprint, m.
+        stop: length along the path at which it must wait, m; NaN if it need not wait. half_length: half its footprint's
+            length, m; 0 for an actor that turns on the spot. heading: heading of the path at its position, rad.
+        length, width: size of its footprint, m.
         row: row of its state in the table of all actors; -1 if it must not be moved. seen_on: the lane with its
             stand-in in SUMO, `OFF_ROAD` without one.
         line_begin, line_end: range of its path's vertices; bends_begin, bends_end: range of its path's speed limits;

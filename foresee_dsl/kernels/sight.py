@@ -32,7 +32,7 @@ class BodyRecord(NamedTuple):
     """The visible body of an object.
 
     Attributes:
-        length, width: of its footprint, m. top, high, low: its top and the two tested heights, above the eye, m.
+        length, width: size of its footprint, m. top, high, low: its top and the two tested heights, above the eye, m.
         range: distance within which it can be seen, m. heading_spread: standard deviation of its measured heading, rad.
     """
 

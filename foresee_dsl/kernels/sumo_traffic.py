@@ -28,15 +28,16 @@ class SumoVehicleRecord(NamedTuple):
 
     Attributes:
         row: row of its state in the table of all actors.
-        half_length, wheelbase: m. rear_axle: from the front bumper to the rear axle, m. steer_max: rad.
+        half_length, wheelbase: m. rear_axle: distance from the front bumper to the rear axle, m. steer_max: rad.
         line: distance to the left of its lane's middle that it keeps, m.
-        front_x, front_y: middle of its front bumper, m. sumo_x, sumo_y: the same in SUMO. offset: distance of the
-            former to the left of the latter, m.
+        front_x, front_y: middle of its front bumper, m. sumo_x, sumo_y: middle of its front bumper in SUMO, m. offset:
+            distance of the former position to the left of the latter, m.
         lane_begin, lane_end: range of its lane's vertices; both 0 off the lanes. heading_s, bends_s: length along its
             lane at the last look-up of the lane's heading and of the bends, m (NaN: not yet).
-        bends_begin, bends_end: range of the speed points of its lane and of the next ones. slowest: their minimum, m/s.
+        bends_begin, bends_end: range of the speed points of its lane and of the next ones. slowest: the lowest of these
+            speeds, m/s.
         cruise: speed where nothing hinders it, m/s. limit: speed that the bends allow, infinite without a bend.
-        ordered: the smaller of the two, as last set in SUMO.
+        ordered: the smaller of `cruise` and `limit`, as last set in SUMO.
     """
 
     row: int

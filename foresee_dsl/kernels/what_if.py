@@ -65,7 +65,7 @@ class WhatIf(NamedTuple):
         left: offset to the left of its track, m (0), from left_at for left_for (s) at left_rate (m/s).
         turn: change of its heading per metre, rad/m (0), from turn_at for turn_for (s).
         goes_at: time from which it drives on with up to `cruise` (m/s), even if it stood in the recorded run, s (inf).
-        length, width: of its footprint, m.
+        length, width: size of its footprint, m.
     """
 
     actor: int
@@ -285,7 +285,7 @@ def _threatens(ego: FloatArray, clock: float, style: Record, size: tuple[float, 
 
 @inner
 def _runs_into(box: Box, actor: int, tracks: FloatArray, frame: int, sizes: FloatArray) -> bool:
-    """Return whether the ego touches another actor, not the changed one, in front of its middle."""
+    """Return whether the ego, in front of its middle, touches an actor other than the changed one."""
     c, s = cos(box.heading), sin(box.heading)
     own = hypot(box.length, box.width) / 2
     for k in range(1, sizes.shape[0]):
@@ -374,7 +374,8 @@ def roll_out(whats: Records, styles: Records, tracks: FloatArray, sizes: FloatAr
         tracks: [A, T, 4] x, y (m), heading (rad, continuous), distance from the frame to the next (m); the ego first.
             NaN before an actor appears; after it has left, straight on.
         sizes: [A, 3] length, width, height, m.
-        endings: [C, S] output. A change whose gap to the first style exceeds `MISSES_M` is not rolled out with others.
+        endings: [C, S] output. A change whose smallest gap with the first style exceeds `MISSES_M` is not rolled out
+            with further styles.
     """
     for w in range(whats.size):
         for s in range(styles.size):

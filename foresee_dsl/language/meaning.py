@@ -100,7 +100,7 @@ def _digest(content: dict[str, _Json]) -> str:
 
 
 def _body(body: Iterable[m.Item]) -> _Json:
-    """Return a block's content: statements of kinds whose order matters in their order, all others sorted."""
+    """Return a block's content: statements of kinds whose order matters stay in their order, all others are sorted."""
     items = [item for item in body if not isinstance(item, _NO_MEANING)]
     grouped = {name: [_canonical(item) for item in items if isinstance(item, kind)] for kind, name in ORDERED.items()}
     rest = [_canonical(item) for item in items if not isinstance(item, tuple(ORDERED))]

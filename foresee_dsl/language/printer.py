@@ -41,7 +41,7 @@ def remarked(model: m.Definition, remarks: Mapping[int, Sequence[str]]) -> Mappi
     """Return the comments for `print_model` that put `remarks` before statements, by the statement's index in the
     definition's body.
 
-    Blank lines are those of a file that the tool writes.
+    Blank lines stand where the tool puts them in files that it writes.
     """
     comments: dict[Key, Comments] = {}
     previous: m.Item | str | None = None

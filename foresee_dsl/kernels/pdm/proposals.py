@@ -166,8 +166,8 @@ def decay_length(speed: float, error: float, sharpest: float) -> float:
 def allowed_speeds(ego: np.void, route: Records, wall_s: float) -> FloatArray:
     """Return the allowed speeds from the ego's position on, `GRID_M` apart.
 
-    They are those of the route's profile, and of a stop before a wall (infinite: no wall) with everyday braking, or
-    with harder braking if that is needed.
+    At these speeds the ego keeps the route's profile and can stop before a wall (infinite: no wall) with everyday
+    braking, or with harder braking if that is needed.
     """
     braking, room, speed = cfg.PROFILE_BRAKING_MPS2, wall_s - ego["front"] - ego["s"], ego["forward"]
     if room < cfg.HOLD_M and speed < cfg.HOLD_MPS:

@@ -16,13 +16,14 @@ class EgoRecord(NamedTuple):
     """The driven vehicle: its limits, its state, and its position on the route. All fields are floats.
 
     Attributes:
-        length, width, wheelbase: of the vehicle. front, centre: distances from the rear axle forwards to the front
-            bumper and to the middle of the footprint.
+        length, width, wheelbase: dimensions of the vehicle. front, centre: distances from the rear axle forwards to the
+            front bumper and to the middle of the footprint.
         sharpest: largest curvature, 1/m. steer_max: largest front-wheel angle. grip: acceleration of the tyres that the
             driver uses. motor, brakes: largest acceleration and braking. strongest: largest braking within the grip.
         x, y, heading, speed, acceleration: current state of the footprint's middle.
-        s, d, heading_error: of the rear axle's middle on the route. forward: the speed, never negative.
-        front_s, rear_s: length along the route of the bumpers.
+        s, d, heading_error: position and heading error of the rear axle's middle on the route. forward: the speed,
+            never negative.
+        front_s, rear_s: lengths along the route at which the front and the rear bumper are.
     """
 
     length: float
@@ -115,7 +116,7 @@ class FoeRecord(NamedTuple):
     """A stream that crosses or joins the ego's route (`drivers.protocol.Foe`), with its path on an even grid.
 
     Attributes:
-        added: length of the straight prolongation before its path. length: length of the path without it.
+        added: length of the straight prolongation before its path. length: length of the path without the prolongation.
         entry: length along the path at which it enters the junction. meets, leaves: lengths at which the conflict
             begins and ends.
         own_s, own_until_s: the same conflict along the route.

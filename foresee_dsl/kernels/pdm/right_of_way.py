@@ -31,7 +31,7 @@ class Arrival(NamedTuple):
 
 @inner
 def _signal_wall(egos: Records, stop_s: float, braking: float) -> float:
-    """Return the length at which the ego stops for a signal; infinite if it does not stop."""
+    """Return the length along the route at which the ego stops for a signal; infinite if it does not stop."""
     front_s = egos[0]["front_s"]
     if braking < 0.0 or front_s > stop_s + cfg.STOP_MARGIN_M:
         return np.inf
@@ -42,7 +42,8 @@ def _signal_wall(egos: Records, stop_s: float, braking: float) -> float:
 
 @inner
 def _queue_end(ego: np.void, actors: Records) -> float:
-    """Return the length at the rear of the nearest slow vehicle ahead in the lane; infinite without one."""
+    """Return the length along the route at which the rear of the nearest slow vehicle ahead in the lane is; infinite if
+    there is no such vehicle."""
     nearest = np.inf
     for a in range(len(actors)):
         actor = actors[a]
@@ -101,7 +102,7 @@ def _yield_wall(
 def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tuple[IntArray, float, bool]:
     """Return the streams of a junction with priority and a conflict ahead, in their order along the route.
 
-    The other two values are the end of the last conflict, and whether an actor is on one of their paths.
+    The other two values are the end of the last conflict, and whether an actor is on the path of one of these streams.
     """
     ahead, count, until_s, any_actor = np.empty(len(foes), dtype=np.int64), 0, -np.inf, False
     for f in range(len(foes)):

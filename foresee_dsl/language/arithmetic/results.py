@@ -64,7 +64,8 @@ def uses(items: Iterable[m.Item]) -> Iterator[Use]:
 
 
 def unfit(places: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[Unfit]:
-    """Yield each use that has an error in some case, with the first such case and the number of further ones.
+    """Yield each use whose result is an error or out of bounds in some case, with the first such case and the number of
+    further such cases.
 
     `cases` holds the name and the values of each case; for a scenario without cases, the name "" and the defaults.
     """

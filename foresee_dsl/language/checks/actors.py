@@ -22,7 +22,7 @@ _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
 def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
-    """Check the actors of a scenario or clip, and every mention of one."""
+    """Check the actors of a scenario or clip, and every place that names an actor."""
     actors = [item for item in body if isinstance(item, (m.Ego, m.Actor))]
     groups = [item for item in body if isinstance(item, m.Traffic)]
     named = [actor for actor in actors if isinstance(actor, m.Actor)]

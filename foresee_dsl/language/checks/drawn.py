@@ -150,7 +150,7 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
 
 
 def _head(parameter: m.Param) -> str:
-    """Return a parameter's statement up to its default, as it is written."""
+    """Return the text of a parameter's statement, in the language, up to its default."""
     return f"param {parameter.name}: {parameter.type} = {value_text(parameter.default)}"
 
 

@@ -180,7 +180,7 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
 
 
 def _on_step(limits: m.Range, k: int) -> str:
-    """Return the value on the k-th step of a range, as it is written."""
+    """Return the text, in the language, of the value on the k-th step of a range."""
     from foresee_dsl.language.arithmetic.evaluate import evaluate
 
     steps = m.Product(left=m.Quantity(value=Decimal(k)), op="*", right=limits.step or limits.low)

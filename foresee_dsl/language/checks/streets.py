@@ -29,7 +29,7 @@ MOUTH_M = 8.0
 """Minimum length of the ring between the carriageways of two arms of a roundabout, m (ours: two corners of 5 m that
 meet the ring at an angle)."""
 STRAIGHT_RAD = math.radians(45)
-"""Largest angle at which a way over a junction counts as straight, rad: the limit by which SUMO names directions."""
+"""Largest angle at which a way over a junction counts as straight, rad. SUMO names directions by the same limit."""
 RAMP_TURN_RAD = math.radians(100)
 """Largest angle by which a ramp may turn between its junction and its edge, rad (ours: for a larger turn the author
 must write the ramp's points, with `via`)."""

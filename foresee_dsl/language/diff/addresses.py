@@ -74,7 +74,7 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
 
 
 def parent_address(derived: str) -> str:
-    """Return the address of the parent of a clip or mutant, to compare the two."""
+    """Return the address of the parent of a clip or mutant, so that the file can be compared with it."""
     file, _ = parse_address(derived)
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):

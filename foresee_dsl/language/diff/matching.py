@@ -45,7 +45,7 @@ def means_nothing(item: m.Item) -> tuple[str, ...]:
 
 
 def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
-    """Return `a` with the new names of the statements whose only change is the name, and the pairs of names."""
+    """Return `a` with the new name of each statement that changed only its name, and the pairs of old and new names."""
     pairs: list[tuple[str, str]] = []
     while pair := _one_rename(a, b):
         a = renamed(a, *pair)

@@ -58,7 +58,8 @@ def _follows(premise: m.Condition, conclusion: m.Condition) -> bool:
 
 
 def _implies(premise: m.Condition, conclusion: m.Condition) -> bool:
-    """Return the same for conditions in which `not` stands only in front of conditions without parts."""
+    """Return the result of `_follows` for conditions in which `not` stands only in front of conditions without
+    parts."""
     if premise == conclusion:
         return True
     if isinstance(premise, m.Either):

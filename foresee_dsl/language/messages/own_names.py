@@ -26,8 +26,8 @@ _COMMENT = re.compile(r"#[^\n]*")
 
 
 def with_own_names(diagnostics: Iterable[Diagnostic], text: str) -> tuple[Diagnostic, ...]:
-    """Return diagnostics in whose helps each example name that the text does not have is replaced by a name of the
-    text."""
+    """Return the diagnostics with new helps: each example name that does not occur in the text is replaced by a name
+    that does."""
     listed = tuple(diagnostics)
     if not any(_NAME.search(diagnostic.help) for diagnostic in listed):
         return listed

@@ -71,7 +71,7 @@ class Item(BaseModel):
         words: the words of the language that this class introduces, as `word (group): meaning | example of a line` (no
             full stop). Each word of a pattern is explained by one class, or in `language.keywords` if several classes
             share it.
-        in_brackets: the kinds of condition that need brackets as a part of this one.
+        in_brackets: the kinds of condition that need brackets when they are parts of this condition.
         in_brackets_of: for some fields, the kinds of calculation that need brackets there.
         never_bare: names that are quoted here, because the parser would take them for the rest of the statement.
     """

@@ -143,7 +143,8 @@ class BusStop(Item, kind="stop"):
     """`stop market on mill_west at 60 m length 20 m bay 3 m`: a bus stop on the rightmost lane for cars of a road's
     edge. The front of a vehicle that stops there stands at this length along the edge (negative: from the edge's end).
 
-    With a bay, buses stop on a lane of that width beside the others, which begins and ends with the bay's tapers.
+    With a bay, buses stop on a lane of that width beside the other lanes; this lane begins and ends with the bay's
+    tapers.
     """
 
     pattern = "stop {name} on {road} at {at} [length {length}] [bay {bay}]"
@@ -196,8 +197,9 @@ class VehicleModel(Item, kind="model"):
     """`model car.compact { ... }`: one entry of a catalogue. A missing value is the class's default
     (`compile.catalogue`). Obstacles need only the size; pedestrians have no wheels.
 
-    Front overhang, wheelbase and rear overhang add up to the length; if one of the three is missing, it is the rest of
-    the length. `cruise_speed` is its speed if the scenario does not state one, `max_speed` its highest possible speed.
+    Front overhang, wheelbase and rear overhang add up to the length; if one of the three is missing, it is computed as
+    the rest of the length. `cruise_speed` is its speed if the scenario does not state one, `max_speed` its highest
+    possible speed.
     """
 
     pattern = (

@@ -86,8 +86,9 @@ def is_folder(path: Path) -> bool:
 def scenario_files(paths: Iterable[str | Path]) -> tuple[Path, ...]:
     """Return every `.foresee` file that is named or lies under a named folder, of any kind.
 
-    The order is that of the names, and within a folder that of the paths. No file comes twice, and folders whose name
-    begins with a dot are skipped. A file that is named itself may have any suffix.
+    The files are in the order in which `paths` names them; those of a folder are in the order of their own paths. No
+    file comes twice, and folders whose name begins with a dot are skipped. A file that is named itself may have any
+    suffix.
 
     Raises:
         InputError: a path does not exist.

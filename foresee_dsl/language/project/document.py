@@ -64,7 +64,8 @@ class Document:
     ) -> Diagnostic:
         """Return an error about an item of this file (None: about the file).
 
-        An error about an item that comes from the extended scenario is placed at `extends`, and names the other's line.
+        An error about an item that comes from the extended scenario is placed at `extends`, and names the line in the
+        other file.
         """
         if item is not None and self.base is not None and (holder := self._holder(item)) is not self:
             place = holder.span(item, name)
@@ -77,7 +78,7 @@ class Document:
         return Diagnostic.of(code, message, help, self.path, span, line)
 
     def _holder(self, item: m.Item) -> Document:
-        """Return the document, this or one that it extends, whose file has an item."""
+        """Return the document whose file contains an item: this document, or one that it extends."""
         return self if self.base is None or (id(item), "") in self.spans else self.base._holder(item)
 
 

@@ -28,13 +28,13 @@ _SINGLE = ("ego", "network", "weather", "end")
 def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
     """Return a scenario joined with the one that it extends; the latter may be an extension that was joined itself.
 
-    The extension's lines are applied in their order. The other's remaining statements keep their order, and added ones
-    come after them. Words in the extension that are not parameters of the result become plain names. Paths in the
-    result are relative to `folder`, the extension's.
+    The extension's lines are applied in their order. The remaining statements of the extended scenario keep their
+    order, and added statements come after them. Words in the extension that are not parameters of the result become
+    plain names. Paths in the result are relative to `folder`, the extension's.
 
     Returns:
-        A document whose model is a `Scenario`, with the path of the extension's file. Errors in the other's statements
-            are placed at `extends`. Its `written` is the extension.
+        A document whose model is a `Scenario`, with the path of the extension's file. Errors in the extended scenario's
+        statements are placed at `extends`. Its `written` is the extension.
     """
     return _Joiner(document, parent, folder, parent_folder).joined()
 

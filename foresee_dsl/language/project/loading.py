@@ -215,7 +215,8 @@ class Project:
         return self._wholes[file.path]
 
     def _count_drawn(self, document: Document) -> None:
-        """Raise an error at the file with which the drawn cases of all files together exceed the limit."""
+        """Raise an error at the file whose drawn cases, together with those of the files before it, exceed the
+        limit."""
         model = document.model
         for item in model.all(m.Cases) if isinstance(model, m.Scenario) else ():
             self._drawn += int(item.count.value)

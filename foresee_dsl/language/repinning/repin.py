@@ -137,7 +137,7 @@ def with_pin(text: str, document: Document, pin: str) -> str:
 
 
 def _derived_files(paths: Iterable[str | Path]) -> dict[Path, Path]:
-    """Return the derived files by their absolute path, as the user named them."""
+    """Return the paths of the derived files as the user named them, keyed by their absolute paths."""
     named = tuple(map(Path, paths))
     derived_files: dict[Path, Path] = {}
     for file in scenario_files(named):

@@ -31,7 +31,8 @@ MAX_CASES = 10_000
 """Maximum number of cases of one statement (ours: at 25 ms a run on two cores they take two minutes; more is likely an
 error)."""
 MAX_TRIES = 10_000
-"""Maximum number of draws for one case until it satisfies every `require` (ours: a tenth of a second)."""
+"""Maximum number of draws for one case until it satisfies every `require` (ours: these draws take a tenth of a
+second)."""
 _TRIES_OF_A_COMBINATION = 100
 """Number of draws of the other parameters for one combination of the grids, before the next combination is tried
 (ours)."""

@@ -32,7 +32,7 @@ Stop Design Guide, 2005, paragraph 8.17)."""
 BAY_STRAIGHT_M = 20.0
 """Length over which a bay goes straight on between its entry taper and the stop, m. Ours: a bus of 12 m that arrives at
 50 km/h at a stop of 20 m then stands 1 degree askew, and a car close behind it passes with 0.6 m to spare; without this
-length it stands 4.7 degrees askew, and the two touch."""
+length it stands 4.7 degrees askew, and the two vehicles touch."""
 
 OnRoads = m.Zebra | m.Bump | m.LaneEnd | m.OnRamp | m.OffRamp | m.BusStop
 

@@ -80,8 +80,8 @@ class Refusal:
     """
 
     def __init__(self, error: UnexpectedInput, text: str, rule: str) -> None:
-        """Explain Lark's error in a statement, whose braces are empty; `rule` is the rule by which it was parsed, such
-        as `actor_item`."""
+        """Explain Lark's error in a statement, whose text here has empty braces instead of its block; `rule` is the
+        rule by which it was parsed, such as `actor_item`."""
         self._text = text
         self._rule = rule
         self._accepted = accepted_by(error)

@@ -48,7 +48,8 @@ class _AnyName(frozenset[str]):
 
 
 ANY_NAME: frozenset[str] = _AnyName()
-"""The parameters of a scenario that extends another: a word may be a parameter of the other, in another file.
+"""The parameters of a scenario that extends another: any word may be a parameter of the extended scenario, which is in
+another file.
 
 A word that is not a parameter becomes a name again when the two scenarios are joined (`extend.extended`).
 """
@@ -333,7 +334,7 @@ class NodeMaker:
         return self._built_node(tree, (deviation, ego))
 
     def _holding(self, tree: _Tree) -> Node:
-        """Return the node of `add` or `change`, which also has the lines of the statement behind it."""
+        """Return the node of `add` or `change`; it also has the lines of the statement that follows this word."""
         held = self.make(next(_trees(tree.children)))
         node = Node(_KINDS[tree.data], span_of(tree), {"item": held}, {"item": held.span}, block=held.block)
         node.lines = [(("item", *key), span, inner) for key, span, inner in held.lines]

@@ -21,7 +21,7 @@ class Phrase:
     match is.
 
     Attributes:
-        rules: the grammar's rules in whose place it is searched; empty for all.
+        rules: the phrase is searched where the grammar expects one of these rules; empty: everywhere.
         message, help: texts that may name groups of the pattern, which `re.Match.expand` fills in.
     """
 

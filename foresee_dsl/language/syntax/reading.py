@@ -60,7 +60,8 @@ class Reading:
     """A text that was read.
 
     Attributes:
-        tree: the tree of the statements without errors. errors: the errors of the others, at most as many as requested.
+        tree: the tree of the statements without errors. errors: the errors of the other statements, at most as many as
+            requested.
         text: the text, with blanks in place of comments in the form of other languages. lines: its lines.
         statements: all its statements as text. comments: its comments, in order.
     """
@@ -95,7 +96,7 @@ class _Reader:
         self._depth = 0
 
     def tree(self) -> _Tree:
-        """Return the tree of the statements without errors; `errors` then has the errors of the others."""
+        """Return the tree of the statements without errors; `errors` then has the errors of the other statements."""
         statements, broken_braces = self.statements, bool(self.errors)
         trees: list[_Tree | None] = []
         definitions = statements

@@ -40,7 +40,7 @@ _STRAY_M = 0.5
 _NEAR_SPOT_M = 30.0
 """At less than this distance, m, from a bridge the ego sees the traffic of the other road (ours)."""
 _LOOK_M, _LOOK_STEP_M = 25.0, 0.25
-"""Distance up to which a kerb is searched, and the step, both m (ours: six lanes and a median)."""
+"""Distance up to which a kerb is searched, and the step of the search, both m (ours: six lanes and a median)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def place_route(
     """Return how a route is written, with its trigger.
 
     Args:
-        triggers: those of its family and town. spec: the ego's model.
+        triggers: the triggers of the route's family and town. spec: the ego's model.
         in_order: the k-th trigger belongs to the k-th route.
 
     Raises:

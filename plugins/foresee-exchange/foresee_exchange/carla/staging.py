@@ -140,8 +140,8 @@ def case_of(
     """Return the case of a route, the `number`th of its family; the values vary with the number.
 
     Args:
-        signals: those of the town, by junction. staged: whether the case has the family's behaviour, if there is room
-            for it.
+        signals: the signals of the town, by junction. staged: whether the case has the family's behaviour, if there is
+            room for it.
     """
     family = placed.route.family
     stage = _STAGES.get(family) if staged else None
@@ -319,5 +319,5 @@ def common(cases: Sequence[Case], name: str) -> str:
 
 
 def value_of(case: Case, name: str) -> str:
-    """Return a case's value; a route with fewer edges in between repeats its last one."""
+    """Return a case's value; a route with fewer edges in between repeats its last edge."""
     return case.values.get(name, case.values["last"]) if name.startswith("through") else case.values[name]

@@ -29,8 +29,8 @@ TURNED_M = 20.0
 """Cost of a difference in direction, in metres of route length per radian (ours: so that roads that cross at 30 degrees
 are told apart)."""
 _SLACK_M = 2.0
-"""A place counts as reached if it is at most this far behind the previous one, m (ours: lanes of a road differ by as
-much)."""
+"""A place counts as reached if it is at most this far behind the previous one, m (ours: the lengths of a road's lanes
+differ by as much)."""
 STOREY_M = 3.0
 """Difference in height that separates two storeys, m. Ours: less than the clearance of any bridge, and more than the
 heights of routes' places above the road (up to 2 m)."""
@@ -48,7 +48,7 @@ class OnLane:
     """A place on a lane.
 
     Attributes:
-        lane: outside junctions or inside one.
+        lane: the lane, which may be inside a junction.
         at_m: position along it. off_m: distance from its centre line. turned_rad: difference between the directions.
         edges: the lane's edge; for a lane inside a junction the edges before and after it.
     """

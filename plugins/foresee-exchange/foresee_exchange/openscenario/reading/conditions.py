@@ -380,7 +380,7 @@ def _steps(parts: Sequence[tuple[m.Condition, str]], wait_s: float) -> list[Step
 
 def _edge(part: m.Condition, edge: str) -> m.Condition:
     """Return a condition that holds only at the moment at which `part` begins (or ceases) to hold: `part` holds now,
-    but did not hold a frame earlier (or the reverse)."""
+    but did not hold a frame earlier (or the reverse). With the edge `none`, return `part` itself."""
     if edge == "none":
         return part
     if edge == "risingOrFalling":

@@ -184,7 +184,7 @@ class Places:
     def _on_lane(self, kind: Element, place: RoadPlace) -> Pose:
         """Return a place on a lane; orientations are relative to the direction of the lane's traffic.
 
-        For a place `ds` m along the road from another, they are relative to the road, as in esmini.
+        The orientation of a place that lies `ds` m along the road from another is relative to the road, as in esmini.
         """
         roads = self._roads(kind)
         pose = roads.on_lane(place.road, place.lane, place.s, place.offset)
@@ -202,7 +202,8 @@ class Places:
         return self._turned(pose, kind)
 
     def _further_on(self, kind: Element) -> RoadPlace:
-        """Return a place along the road of an entity: `ds` in the road's direction, `dsLane` in that of its lane."""
+        """Return a place along the road of an entity: `ds` counts in the road's direction, `dsLane` in the direction of
+        its lane."""
         roads, base = self._roads(kind), self._road_place_of(kind.get("entityRef", ""))
         lanes, offset = round(number(kind, "dLane")), self._left(kind, "offset")
         ds = number(kind, "ds", 0.0)

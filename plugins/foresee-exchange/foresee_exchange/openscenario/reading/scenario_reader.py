@@ -330,9 +330,9 @@ def is_left_handed(
 ) -> tuple[bool, str]:
     """Return whether a file's world positions are left-handed, and the reason (empty if they are not).
 
-    `positions` are those of its vehicles. CARLA's scenario_runner takes coordinates as left-handed if the description
-    begins with `CARLA:`. Otherwise they are left-handed if all vehicles stand on lanes only when mirrored (for a CARLA
-    town: if more do than unmirrored).
+    `positions`: the positions of the file's vehicles. CARLA's scenario_runner takes coordinates as left-handed if the
+    description begins with `CARLA:`. Otherwise they are left-handed if all vehicles stand on lanes only when mirrored;
+    in a CARLA town, if more vehicles stand on lanes when mirrored than when not.
     """
     if wanted is not Coordinates.auto:
         return wanted is Coordinates.left, "as --coordinates says" if wanted is Coordinates.left else ""
@@ -357,7 +357,8 @@ def _world(position: Element) -> Pose | None:
 
 
 def _fits(network: RoadNetwork, pose: Pose, side: float) -> bool:
-    """Return whether a pose is on a lane, and in its direction if it has one; `side` -1 mirrors it."""
+    """Return whether a pose is on a lane and, if it has a heading, faces in the lane's direction; `side` -1 mirrors the
+    pose."""
     if math.isnan(pose.heading_rad):
         return network.nearest_lane(pose.x, pose.y * side, None, "car", 3.0) is not None
     return nearest(network, Pose(pose.x, pose.y * side, pose.heading_rad * side), "car") is not None

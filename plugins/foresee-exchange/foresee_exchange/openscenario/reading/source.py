@@ -172,7 +172,8 @@ def _in_folder(source: Source, folder: Path, written: str) -> Path:
 
 
 def project_roots(path: Path, *, allow_outside: bool) -> tuple[Path, ...]:
-    """Return the folders in which a file may name others: with `allow_outside` all, otherwise those of its project."""
+    """Return the folders in which a file may name other files: all folders with `allow_outside`, otherwise the folders
+    of its project."""
     folder = path.absolute().parent
     return (Path(folder.anchor),) if allow_outside else (project_folder(folder), project_folder(Path.cwd()))
 

@@ -60,7 +60,7 @@ def run(
         address: `FILE` or `FILE::CASE`.
         out: the folder.
         behaviour: write the actors' actions and triggers, as far as possible; otherwise their trajectories.
-        driver, seed: of the run; by default those that a mutant records, otherwise `pdm` and 0.
+        driver, seed: driver and seed of the run; by default those that a mutant records, otherwise `pdm` and 0.
         allow_outside: see `project.load_test_case`.
 
     Raises:

@@ -46,7 +46,7 @@ def notes_of(
     """Yield a note on each actor whose motion a player cannot reproduce.
 
     Args:
-        actors: those of the scene. trace: of the run.
+        actors: the actors of the scene. trace: the trace of the run.
         orders: the actors' exported changes of speed. led: actors that keep to another actor, with the action's text.
         turned: times of ordered lane changes, s.
         forks: junctions at which the lane of an actor leads to two lanes of its next road.

@@ -92,8 +92,8 @@ def path_of(track: Trajectory) -> list[tuple[float, float]]:
 
 
 def speed_profile(track: Trajectory) -> SpeedProfile | None:
-    """Return the speeds, in few pieces, with which an actor keeps the trajectory's times along its path; None without
-    times.
+    """Return the speeds, in few pieces, with which an actor keeps the trajectory's times along its path; None if the
+    trajectory has no times.
 
     Knots are placed where the speed bends; then their speeds are fitted to the distances covered.
     """
