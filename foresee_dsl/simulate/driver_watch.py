@@ -120,7 +120,7 @@ class DriverWatch:
         files = printed_here()
         if files is not None:
             files.trim()
-            if not self._raised:  # once the exception was raised, the deadline that was exceeded stays
+            if not self._raised:  # after the exception, the exceeded deadline is kept
                 files.end_after(min(limit_s, max(0.0, self._began_s + run_s - now_s)) + _GRACE_S)
         if not call.name:
             return

@@ -51,7 +51,7 @@ class Layer(StrEnum):
 
 
 LINES = (Layer.MARKING, Layer.EDGE_LINE, Layer.STOP_LINE)
-"""Layers of lines; the others are of areas."""
+"""Layers that consist of lines; all other layers consist of areas."""
 _FAST_MPS = 80 / 3.6 - 0.01
 """Roads with at least this speed limit have solid lines at their edges, m/s. Ours, after Germany's roads outside towns,
 which have such lines (guideline RMS) and a limit of 100 km/h, or 80 km/h on narrow roads."""
@@ -86,7 +86,9 @@ def with_patches(ground: Ground, patches: Sequence[SlipperyPatch]) -> Ground:
 
 
 def ground_of(network: RoadNetwork, near: Near) -> Ground:
-    """Return the ground of the parts of a network that are near. Shapes are not clipped, so they may reach beyond."""
+    """Return the ground of those parts of a network for which `near` is true. Shapes are not clipped, so they may
+    extend beyond the picture.
+    """
     lanes = [lane for lane in network.lanes.values() if near(lane.shape, lane.width_m)]
     crossing_ids = {crossing.lane.id for crossing in network.crossings.values()}
     areas = [area.polygon for area in network.walking_areas.values() if near(area.polygon, 0.0)]
@@ -161,7 +163,7 @@ def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
 
 
 def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], near: Near) -> BaseGeometry:
-    """Return the area on which vehicles may be, as in `RoadNetwork.drivable`, for the part of the map that is near."""
+    """Return the area on which vehicles may be, as in `RoadNetwork.drivable`, but only where `near` is true."""
     junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
     bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking or lane.strip]
     road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])

@@ -192,7 +192,9 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
 
 
 def _background(case: TestCase, project: Project) -> frozenset[str]:
-    """Return the actors of a clip or mutant that were background traffic and are neither changed nor its risk."""
+    """Return the actors of a clip or mutant that were background traffic, are not changed by the mutation, and are not
+    the clip's risk.
+    """
     document = case.document
     folder = Path(document.path).parent if document is not None else Path()
     while document is not None and isinstance(document.model, m.Clip | m.Mutant):

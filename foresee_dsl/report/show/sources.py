@@ -84,7 +84,7 @@ def find(target: str, wish: Wish) -> ShownRun:
     """Return the run of an address, a trace, a mutant's file or a finding's name.
 
     Raises:
-        ForeseeError: nothing has that name, or the file of a trace was edited since.
+        ForeseeError: nothing has that name, or the test case of a trace was edited after its run.
         DriverError: the file records a program as its driver.
     """
     if target.endswith(".npz"):
@@ -159,8 +159,8 @@ def _locate(address: str, trace: Path) -> str:
 
 
 def _stored(case: TestCase, wish: Wish) -> Iterator[Path]:
-    """Yield the files in which campaigns store the run's trace: in the given campaign's folder, and in that of the
-    file.
+    """Yield the existing files in which campaigns store the run's trace: in the folder of the given campaign, and in
+    that of the campaign whose folder contains the test case's file.
     """
     beside = case.source.with_suffix(".npz")  # the trace of a minimised finding is in this folder
     if is_file(beside):

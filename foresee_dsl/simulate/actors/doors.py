@@ -19,8 +19,8 @@ class OpenDoor(StaticActor):
     __slots__ = ("_network", "_of", "is_open", "owner")
 
     def __init__(self, actor: PlacedActor, of: DoorOf, world: World, network: RoadNetwork, edge: str) -> None:
-        """Create the door absent from the world; call `belongs_to`, then `follow` in each step, to put it at its
-        owner's side.
+        """Create the door, which is absent from the world at first. Call `belongs_to` once, and then `follow` in each
+        step, which puts the door at its owner's side.
         """
         super().__init__(actor, world, network, edge)
         self._network, self._of = network, of

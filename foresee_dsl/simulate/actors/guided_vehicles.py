@@ -72,7 +72,7 @@ class GuidedVehicle(SumoVehicle):
         )
         before, self.guide = self.guide, PathActor(placed, self._world, self._edge, self._friction)
         if before is not None:
-            # SUMO already contains the vehicle, which then only changes who moves it.
+            # SUMO's world already contains the vehicle, so the new path takes over its stand-in.
             self.guide.stand_in = before.stand_in
         self._group = PathGroup((self.guide,), (0,), StateTable((self.guide,)), self._roads)
         self.along = along_m

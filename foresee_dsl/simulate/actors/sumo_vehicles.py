@@ -162,7 +162,8 @@ class SumoVehicle(SimulatedActor):
         lane = self._network.lanes[self.lane]
         shape = lane.centreline
         now = float(shapely.line_locate_point(shape, shapely.Point(self.record["sumo_x"], self.record["sumo_y"])))
-        # SUMO measures positions in the lane's length attribute, which a map may set differently from the shape's.
+        # SUMO scales positions along a lane to the lane's length attribute, which a map may set to a value that differs
+        # from the length of the lane's shape.
         before = now - self.speed * STEP_S * shape.length / lane.length_m
         sublanes = self.placed.sublanes
         came_from = self._lane_before(lane) if before <= 0 and not sublanes else None

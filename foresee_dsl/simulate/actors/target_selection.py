@@ -49,7 +49,7 @@ class TargetSelection:
     """Finds the bodies that a vehicle has to brake for.
 
     Args:
-        limits: of the vehicle.
+        limits: limits of the vehicle.
         line: the centreline of its route. line_m: lateral distance to the left of it that the vehicle keeps, m.
     """
 

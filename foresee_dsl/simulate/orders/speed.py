@@ -118,8 +118,8 @@ class Stop:
 
 
 class Halt:
-    """An order to stop with the front at a place on the route, to stand there for a time or to the end, and to drive
-    on.
+    """An order to stop with the front at a place on the route, to stand there for a time or to the end of the run, and
+    then to drive on.
 
     The speed depends only on the distance to the place, so a clip that begins during the order continues in the same
     way.

@@ -56,7 +56,9 @@ class StandingOrders:
         return lambda: self._latest[actor.id] is not command or command.complete()
 
     def note(self, actor: SimulatedActor, command: Command) -> IsComplete:
-        """Register a speed order as the actor's latest one, although it needs nothing done in the single steps."""
+        """Register a speed order as the actor's latest one; unlike other speed orders it is not carried out in each
+        step.
+        """
         self._latest[actor.id] = command
         return lambda: self._latest[actor.id] is not command or command.complete()
 

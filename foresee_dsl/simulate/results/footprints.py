@@ -121,7 +121,8 @@ def contacts_with(
     """Return the predicted contacts with an actor.
 
     Args:
-        run: the run. actor: column of the other actor. looked_at: frames. ego_places: of `predicted` at these frames.
+        run: the run. actor: column of the other actor. looked_at: frames for which contacts are predicted. ego_places:
+            what `predicted` returns for these frames.
     """
     ego, reach = run.path(0), run.radius[0] + run.radius[actor]
     closing = run.speed[looked_at, 0] + run.speed[looked_at, actor]

@@ -262,7 +262,9 @@ def _candidates(run: Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntArr
 
 
 def _between(run: Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
-    """Return the least number of steps between both actors at one spot of two pieces, and the later frame."""
+    """Return the smallest number of steps between the moments at which each actor is at a spot that both pieces share,
+    and the later frame; None if they share no spot or have one direction there.
+    """
     actor = int(theirs.actor[j])
     e = _moving(run, int(mine.first[i]), int(mine.last[i]), 0)
     o = _moving(run, int(theirs.first[j]), int(theirs.last[j]), actor)

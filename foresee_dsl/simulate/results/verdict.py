@@ -79,7 +79,7 @@ class ExpectationResult:
         text: the line, as written. held: whether it held.
         margin: distance to the bound, positive if the line held; None without a number.
         unit: unit of the margin: that of the deciding comparison.
-        decides: the comparison or fact that decided the result, as text; "" if it had no outcome at any frame.
+        decides: the comparison or fact that decided the result, as text; "" if the line had no outcome at any frame.
         name: the line's label, or "".
         value: the value that the deciding comparison compared with its bound, in `unit`; None without a comparison.
     """

@@ -148,7 +148,7 @@ def _has_priority(simulation: Simulation, area: YieldArea) -> bool:
 
 
 def _on_crossing(other: SimulatedActor, area: YieldArea, actor: SimulatedActor) -> Contender | None:
-    """Return a pedestrian on a crossing that is in the actor's way or walks towards it; None for others."""
+    """Return a pedestrian that is on a crossing in the actor's way, or walks towards it; None for other actors."""
     crossing = area.conflict.of
     if other.placed.model.kind != "pedestrian" or not isinstance(crossing, Crossing):
         return None
@@ -170,7 +170,7 @@ def _on_crossing(other: SimulatedActor, area: YieldArea, actor: SimulatedActor) 
 
 
 def _coming(simulation: Simulation, other: SimulatedActor, area: YieldArea) -> Contender | None:
-    """Return a vehicle that comes along the other way; None for others."""
+    """Return a vehicle that comes along the other way; None for other actors."""
     line, conflict = other.placed.line, area.conflict
     if line is None or other.placed.control == "static" or other.speed < WALKS_MPS:
         return None

@@ -135,7 +135,7 @@ class RuleWatch:
         simulation, actor = self._simulation, self._actor
         if actor is simulation.ego:
             return simulation.progress.of(actor, simulation.frame)
-        # `Progress` is not used, because it stores each projection, and later ones begin there.
+        # `Progress` is not used here: it stores each projection, and its later projections begin at the stored place.
         near = self._fronts[-1][0] - self._half if self._fronts else None
         return line.project(actor.x, actor.y, near)
 

@@ -115,7 +115,7 @@ class Watch:
 class _Window:
     """The recent history of the condition of a `for`: its outcomes over the required duration, from `now_s` on.
 
-    `unsaid`: whether a frame without an outcome counts as holding in `run`.
+    `unsaid`: whether `run` goes on at a frame without an outcome, as if the condition held.
     """
 
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:

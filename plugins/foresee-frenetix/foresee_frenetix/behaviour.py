@@ -40,7 +40,8 @@ WALKER_URGENT_MPS2 = 3.0
 braking of at least `WALKER_URGENT_MPS2`. Ours: one plan in four required a stop for a pedestrian that only walked along
 the pavement."""
 BESIDE_M = 0.3
-"""Distance to the ego's side within which an actor that is not aligned with the road is in its corridor, m. Ours."""
+"""An actor that is not aligned with the road is in the ego's corridor if it is at most this far from the ego's side, m.
+Ours."""
 
 
 class State(StrEnum):

@@ -73,7 +73,7 @@ OFFSET_WEIGHT = 0.4
 the offset of 2.5 m that this needs must cost less."""
 LATERAL_JERK_WEIGHT = 0.1
 LONGITUDINAL_JERK_WEIGHT = 0.1
-"""Weight of longitudinal jerk: Werling weights jerk with 0.1 against the errors of the end state."""
+"""Weights of lateral and longitudinal jerk: Werling weights jerk with 0.1 against the errors of the end state."""
 NEAR_WEIGHT = 3.0
 PRESSED_WEIGHT = 3.0
 """Costs of the share of frames with less distance to others than `pdm` requires (`NEAR_WEIGHT`), and of the share with

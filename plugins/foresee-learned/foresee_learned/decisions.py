@@ -21,7 +21,7 @@ class Decision(NamedTuple):
     Attributes:
         waypoints: [N, 2] m ahead and to the left of the ego at the time of the decision.
         target_mps: speed to reach within `within_s`.
-        hardest: whether to brake as hard as the vehicle can instead.
+        hardest: whether to brake as hard as the vehicle can, whatever `target_mps` is.
     """
 
     waypoints: FloatArray

@@ -24,8 +24,8 @@ class FusionState(Decisions):
         return decision._replace(hardest=wanted_mps2 < -cfg.FUSION_HARD_MPS2)
 
     def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:
-        """Return the reasons for a decision: query the network again without each of the objects, and without the stop
-        lines.
+        """Return the reasons for a decision; to compute them, query the network again without each of the objects and
+        without the stop lines.
         """
         from foresee_learned.reasons import reasons_by_erasing
 

@@ -41,7 +41,8 @@ class Pilot:
         """Return the control that keeps the ego on a path in world coordinates ([N, 2] m, from `laid_down`) and brings
         it to a speed.
 
-        `within_s`: time to reach the speed. `hardest`: whether to brake as hard as the vehicle can instead.
+        `within_s`: time to reach the speed. `hardest`: whether to brake as hard as the vehicle can, whatever the speed
+        to reach is.
         """
         car = self._vehicle
         steer = self._angle(path, ego) / car.steer_max_rad

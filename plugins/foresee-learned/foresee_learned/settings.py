@@ -45,8 +45,8 @@ ACCELERATION_MPS2 = 2.5
 
 # --- safety controller ------------------------------------------------------------------------------------------
 LEAST_OCCUPIED = 0.4
-"""Least probability of an object in a square of the density map that is more probable than its neighbours:
-InterFuser's."""
+"""A square of the density map holds an object if the square's probability is at least this, and higher than that of its
+neighbours. The value is InterFuser's."""
 SURE = 0.6
 OBJECT_KEPT_S = 0.45
 """Probability from which an object is remembered, and time for which a remembered object is kept while it is not seen,

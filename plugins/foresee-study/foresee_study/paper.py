@@ -282,8 +282,8 @@ A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
     ("fusion", "selforacle"): 23.34 / 695, (TOGETHER, "foresee"): 121.99 / 1811, (TOGETHER, "random"): 53.34 / 1811,
     (TOGETHER, "selforacle"): 88.34 / 1811,
 })  # fmt: skip
-"""Collisions per mutant (section 4.5, table 3): the table's sums, divided by the number of test cases, which it states
-once for all."""
+"""Collisions per mutant (section 4.5, table 3): the table's sums of collisions for a driver, divided by the driver's
+number of test cases, which the table states once for all rankers."""
 
 
 def a_child_of_paper(driver: str, ranker: str) -> float | None:

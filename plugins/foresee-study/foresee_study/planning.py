@@ -60,8 +60,8 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
             stages = Stages(cases[campaign.group], campaign.campaign(), store, Path())
             each_s = store.mean_wall_s(campaign.driver) if store is not None else {}
             for node, row in stages.walk():
-                # The runs that follow may belong to another campaign as well, but not those that follow from its
-                # forecast.
+                # A run may belong to another campaign as well; the runs that follow from this campaign's forecast do
+                # not.
                 if row is None:
                     clips, children = _following(node, campaign)
                     counts["more"] += clips + children

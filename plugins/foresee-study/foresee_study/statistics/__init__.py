@@ -1,6 +1,6 @@
 """Statistics for counts of failures: tests, effect sizes, correction and intervals.
 
-The units are (test case, repetition).
+The unit of all counts is a test case in one repetition.
 """
 
 from foresee_study.statistics.comparison import Comparison, NotTested, Pair, compare

@@ -41,8 +41,9 @@ class Comparison:
     Attributes:
         first, second: the sums over all units. pairs, cases: number of units and of test cases.
         a12, d: effect sizes over the units. interval: interval of the ratio of the sums, by bootstrap over test cases.
-        signed_rank: p of Wilcoxon's test over the units that differ. flips: p of the exact permutation of whole test
-            cases, which does not treat repetitions of one test case as independent; or the reason why there is none.
+        signed_rank: p value of Wilcoxon's test over the units that differ. flips: p value of the exact permutation of
+            whole test cases, which does not treat repetitions of one test case as independent; or the reason why there
+            is none.
     """
 
     first: float

@@ -28,7 +28,7 @@ NOTES = (
 class Compared:
     """Two techniques whose comparison is a row of a table.
 
-    `heading`: the heading above the row, if it differs from the last one.
+    `heading`: the heading above the row; it is shown if it differs from that of the row before.
     """
 
     heading: str
