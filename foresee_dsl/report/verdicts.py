@@ -49,7 +49,7 @@ def verdicts_line(
     """Return the headline of runs: how many failed, by kind; if the driver crashed or hung in all of them, the reason.
 
     Args:
-        verdicts: of all runs. reasons: of the failed runs. noun: what a run is called.
+        verdicts: the verdicts of all runs. reasons: the reasons of the failed runs. noun: what a run is called.
         breaking: number of the runs with the verdict `pass` that break an expectation.
     """
     counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)

@@ -29,7 +29,7 @@ class DriverHangs(BaseException):
     Attributes:
         what: the call and its deadline, in words.
         allows: the option that allows more time.
-        hang: the same as data.
+        hang: the call and its deadline as data.
     """
 
     def __init__(self, what: str, allows: str, hang: Hang) -> None:

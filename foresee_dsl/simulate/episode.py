@@ -48,7 +48,7 @@ class Episode:
         Args:
             bundle: the compiled test case.
             seed: the seed of the sensors' noise and of the track numbers.
-            name, version: of the caller, recorded in the trace as the driver's.
+            name, version: name and version of the caller; the trace records them as those of the driver.
             meta, sensors, rules: as in `runner.run`.
 
         Raises:

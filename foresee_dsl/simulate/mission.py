@@ -30,9 +30,10 @@ FAR_AHEAD_M, FAR_HEIGHT_M = 20.0, 5.0
 """Position of the far-side signal head, m. Ours: about the far side of a junction of roads with two lanes per direction
 and crossings; 4.5 m is the usual least height over a road."""
 _HEADS_M = ((NEAR_AHEAD_M, -NEAR_RIGHT_M, NEAR_HEIGHT_M), (FAR_AHEAD_M, 0.0, FAR_HEIGHT_M))
-"""Positions of both heads: ahead of the stop line, to its left, above the road, m."""
+"""Positions of both heads, m: how far ahead of the stop line, to the left of the lane's middle, and above the road."""
 _GO, _GO_FIRST = "gGoO", "G"
-"""SUMO's letters of a signal's state: the letters for green, and the one for green with priority."""
+"""SUMO's letters in the state of a signal: all letters that mean green, and the letter that means green with
+priority."""
 
 
 def mission_of(bundle: SumoBundle) -> Mission:

@@ -78,7 +78,7 @@ def printed_here() -> Printed | None:
 
 
 def read_all(descriptor: int) -> bytes:
-    """Return the content of a file; of a long file only the beginning and the end."""
+    """Return the content of a file; if the file is long, return only its beginning and its end."""
     size = os.fstat(descriptor).st_size
     if size <= 8 * SHOWN:
         return os.pread(descriptor, 8 * SHOWN, 0)
@@ -86,7 +86,7 @@ def read_all(descriptor: int) -> bytes:
 
 
 def shortened(data: bytes) -> str:
-    """Return output as text; of long output only the beginning and the end."""
+    """Return output as text; if it is long, return only its beginning and its end."""
     text = data.decode("utf-8", "replace")
     if len(text) <= 2 * SHOWN:
         return text

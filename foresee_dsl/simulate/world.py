@@ -1,7 +1,8 @@
 """SUMO with the network of a test case: the only module that imports libsumo.
 
 A process has one SUMO (libsumo does not allow more). It is started once per network and emptied for every run (see
-`sumo_start`). This module controls the vehicles that SUMO drives, `moved_bodies` those that are moved from outside.
+`sumo_start`). This module controls the vehicles that SUMO drives; `moved_bodies` controls the vehicles that are moved
+from outside.
 
 Positions are those of the middle of the front bumper, as in SUMO. Headings are radians
 counter-clockwise from east in this package, degrees clockwise from north in SUMO.
@@ -400,7 +401,8 @@ class World:
         return state
 
     def _type_of(self, actor: PlacedActor) -> str:
-        """Return the vehicle type of an actor; for one with a style, a copy of its model's that is made once a run.
+        """Return the vehicle type of an actor; for an actor with a style, a copy of its model's type; the copy is made
+        once in a run.
 
         SUMO 1.28 does not use an impatience that is set for a single vehicle at junctions, only that of its type.
         """

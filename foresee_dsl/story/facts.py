@@ -129,8 +129,8 @@ class Facts:
         return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
     def at_infraction(self) -> Facts:
-        """Return the facts of the run up to the frame at which the ego broke the rule; of a run that did not fail by a
-        rule, the whole run.
+        """Return the facts of the run up to the frame at which the ego broke the rule; if the run did not fail by a
+        rule, the facts of the whole run.
         """
         if self.infraction is None:
             return self
@@ -236,7 +236,9 @@ class Facts:
         return COLOURS.get(phase.state[movement.link], "") if movement.link < len(phase.state) else ""
 
     def _movement(self, actor: int, lane: str) -> Movement | None:
-        """Return the movement of an internal lane; if several share the lane, the one on the actor's route."""
+        """Return the movement of an internal lane; if several movements share the lane, the movement on the actor's
+        route.
+        """
         movements = self.network.movements_through(lane) if lane else ()
         route = self.info(actor).route
         on_route = (m for m in movements if m.from_edge in route and m.to_edge in route)

@@ -68,7 +68,7 @@ def _gives_way(facts: Facts, ego: EgoMotion, other: Opponent, place: StoryPlace)
 
 
 def _at_crossing(facts: Facts, other: Opponent, place: StoryPlace, *, turns: bool) -> str:
-    """Return why the ego has to give way to an actor on a crossing, in words; "" if it does not."""
+    """Return why the ego has to give way to an actor on a crossing, in words; "" if it does not have to."""
     if turns:
         return f"a driver who turns gives way to a {other.kind} on the crossing"
     movement = movement_near(facts, 0, facts.last, place)

@@ -75,8 +75,9 @@ def sighting_of(facts: Facts, actor: int) -> Sighting:
 
 
 def hidden_by(facts: Facts, actor: int, frame: int) -> str:
-    """Return what hides an actor from the ego at a frame, in words: of several things the nearest to the actor; "" if
-    nothing does."""
+    """Return what hides an actor from the ego at a frame, in words; if several things hide it, the thing that is
+    nearest to the actor; "" if nothing hides it.
+    """
     (x, y), (ox, oy) = facts.xy(0, frame), facts.xy(actor, frame)
     if math.isnan(ox):
         return ""

@@ -73,7 +73,7 @@ def _artifact(path: str) -> _Json:
 
 
 def _region(span: Span, line: str) -> _Json:
-    """Return a place with columns in UTF-16 code units; of a place over several lines, only its first line."""
+    """Return a place with columns in UTF-16 code units; if the place spans several lines, only its first line."""
     first = _utf16(line, span.column)
     last = max(_utf16(line, span.end_column if span.end_line == span.line else len(line) + 1), first)
     return {"startLine": span.line, "startColumn": first, "endLine": span.line, "endColumn": last}

@@ -146,7 +146,7 @@ def rings_of(shape: BaseGeometry) -> Iterator[FloatArray]:
 
 
 def lines_of(shape: BaseGeometry) -> Iterator[FloatArray]:
-    """Yield the points of all lines in a shape; of polygons, their outlines."""
+    """Yield the points of all lines in a shape; polygons give their outlines."""
     for part in _flat(shape):
         if isinstance(part, shapely.Polygon):
             yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))

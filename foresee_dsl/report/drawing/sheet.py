@@ -24,7 +24,7 @@ _LEAST_BAR_PX = 40.0
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of letters, px: of names and text, of small text, and of the title.
+    """Sizes of letters, px: for names and text, for small text, and for the title.
 
     Attributes:
         room: factor by which letters are larger on a phone; names are placed for the larger letters.

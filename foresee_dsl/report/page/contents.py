@@ -33,7 +33,7 @@ from foresee_dsl.report.verdicts import counted, not_deterministic
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25
-"""Maximum number of runs of a finding that a report shows; of further runs only the names are given. Ours: more runs
+"""Maximum number of runs of a finding that a report shows; it gives only the names of further runs. Ours: more runs
 with the same story show nothing new."""
 MOST_PLAYBACKS = 400
 """Number of playbacks after which further findings show only their representative. Ours: at 15 kB and 0.08 s each, 400
@@ -275,7 +275,7 @@ def _child(source: Source, clip: ClipRun, child: ChildRun, parent: Path | None, 
 
 
 def _case_name(case: CaseRun) -> str:
-    """Return the name with which the files of a test case begin: that of its trace, if it has one."""
+    """Return the name with which the files of a test case begin: the name of its trace, if it has a trace."""
     return Path(case.trace).stem if case.trace else case_file_name(case.test_case, Path(case.test_case).stem)
 
 

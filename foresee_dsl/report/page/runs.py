@@ -89,8 +89,8 @@ class Run:
 
     Attributes:
         id: id of its playback in the page; "" without one. title: its story's sentence, or else how the run ended.
-        changes: the statements of the mutant; of the minimised mutant if there is one.
-        unreduced: in that case, the statements of the mutant before it was minimised. note: how it was minimised.
+        changes: the statements of the mutant, or of the minimised mutant if there is one.
+        unreduced: if the mutant was minimised, its statements before that. note: how it was minimised.
         commands: label and command line of each command that reproduces it.
         missing: the reason for each part that cannot be shown.
     """

@@ -1,4 +1,4 @@
-"""The page of a single file: of a test case, clip or mutant, which is run for the page, or of a recorded trace."""
+"""The page of a single file: a test case, clip or mutant, which is run for the page, or a recorded trace."""
 
 from __future__ import annotations
 

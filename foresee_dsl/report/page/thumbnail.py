@@ -84,7 +84,7 @@ def _paths(
 
 
 def _line(points: FloatArray) -> str:
-    """Return points as an SVG path: the first absolute, the others relative to the one before."""
+    """Return points as an SVG path: the first point is absolute, each other one relative to the point before."""
     whole = np.rint(points * (_DM, -_DM)).astype(np.int64)
     steps = np.diff(whole, axis=0)
     steps = steps[(steps != 0).any(axis=1)]

@@ -62,7 +62,8 @@ _BEST_FIRST: tuple[SignalColour, ...] = ("green", "amber", "red", "off")
 def read_subject(
     address: str, overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
 ) -> SceneSubject:
-    """Return the scene that an address names; if it names a scenario with cases but no case, that of the first case.
+    """Return the scene that an address names; if it names a scenario with cases, but none of the cases, the scene of
+    the first case.
 
     `overlay`: texts of an editor that replace those on the disk, by absolute path.
 

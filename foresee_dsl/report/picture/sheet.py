@@ -35,8 +35,8 @@ side. Ours: three lanes, and more in a large picture."""
 LEAST_M = 60.0
 """Smallest side of a picture, m. Ours: a junction with its approaches."""
 SNAP_M = 10.0
-"""The sides of a picture are multiples of this, m; of a large picture, of five times this. Ours: while a user edits a
-text, the picture stays the same if an actor moves by a metre."""
+"""The sides of a picture are multiples of this, m; the sides of a large picture are multiples of five times this. Ours:
+while a user edits a text, the picture stays the same if an actor moves by a metre."""
 FLATTEST, TALLEST = 0.5, 1.1
 """Smallest and largest ratio of height to width. Ours: both fit a screen beside a text, and an upright phone."""
 _ZONE_REACH_M = 60.0

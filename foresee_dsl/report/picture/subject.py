@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 Tone = Literal["ego", "a0", "a1", "a2", "a3", "a4", "a5", "thing", "traffic"]
-"""The colours of bodies: of the ego, six for other actors in turn, of standing things, and of background traffic."""
+"""The colours of bodies: one for the ego, six that other actors get in turn, one for standing things, and one for
+background traffic."""
 TONES: tuple[Tone, ...] = ("a0", "a1", "a2", "a3", "a4", "a5")
 
 

@@ -23,7 +23,7 @@ class TextPlaces:
         self._network = _network(project, case)
 
     def actor(self, name: str) -> TextPlace | None:
-        """Return the place of an actor; in a mutant, that of its first `change`, if it has one."""
+        """Return the place of an actor; in a mutant, the place of the actor's first `change`, if there is one."""
         for document in self._documents:
             for item in document.model.body:
                 named = isinstance(item, m.Ego | m.Actor) and item.name == name
@@ -80,7 +80,7 @@ def place_of(document: Document, item: m.Item) -> TextPlace | None:
 
 
 def _chain(project: Project, case: TestCase) -> tuple[Document, ...]:
-    """Return the documents of a test case, that of a mutant before that of its clip."""
+    """Return the documents of a test case; the document of a mutant comes before the document of its clip."""
     if case.document is None:
         return ()
     documents = [case.document]

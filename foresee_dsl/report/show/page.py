@@ -29,8 +29,8 @@ DIFFERS_M, DIFFERS_MPS, DIFFERS_RAD = 0.05, 0.05, 0.01
 """Differences up to this size in place (m), speed (m/s) and heading (rad) are ignored. Ours: 0.05 m in a picture is
 less than a pixel."""
 VISIBLE_M = 0.3
-"""Two panels differ visibly if an actor is at least this far apart in them, m. Ours: one dot of a panel in characters,
-at 16 m a side."""
+"""Two panels differ visibly if the places of an actor in them are at least this far apart, m. Ours: one dot of a panel
+in characters, at 16 m a side."""
 _MOST = 6
 """Maximum number of actors that are named. Ours: with more names, a reader would not see what matters."""
 

@@ -38,8 +38,8 @@ from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Verdict
 
 SCREEN_LINES, RESERVED_LINES = 40, 4
-"""Lines of a screen, and the lines of it that the command prints after the report (the page, notes on the store). Ours:
-terminals are opened with 40 lines today."""
+"""Number of lines of a screen, and number of these lines that the command needs after the report (for the page, and for
+notes on the store). Ours: terminals are opened with 40 lines today."""
 PIPE_COLUMNS, WIDEST_COLUMNS = 80, 500
 """Columns of the table when the output is not a terminal, and columns from which a console is taken as one that wraps
 no lines. Ours: logs of builds and mails are read at 80 columns."""
@@ -212,7 +212,9 @@ def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
 
 
 def _width(console: Console) -> int:
-    """Return the width of the table: that of the console; if lines are not wrapped, as in a pipe, `PIPE_COLUMNS`."""
+    """Return the width of the table: the width of the console, or `PIPE_COLUMNS` if lines are not wrapped, as in a
+    pipe.
+    """
     return console.width if console.width <= WIDEST_COLUMNS else PIPE_COLUMNS
 
 

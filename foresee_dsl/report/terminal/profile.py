@@ -17,7 +17,7 @@ from foresee_dsl.report.terminal.tables import plain_table
 _LEAST = 0.0005
 """Parts with less than this share of their group's time are joined in one row. Ours: each would read 0.0 %."""
 _COLUMNS = 80
-"""Width of the sentence, columns: that of the table below it, also in a pipe."""
+"""Width of the sentence, columns: the width of the table below it, also in a pipe."""
 
 
 def print_profile(console: Console, profile: Profile) -> None:

@@ -50,7 +50,7 @@ every `_EVERY_S`. Ours."""
 _EVERY_S = 0.5
 """Wall time between two updates of that average, s. Ours."""
 _NEARLY = 0.9
-"""When this share of the work is done, the time left is at least that of the remaining work at the average rate.
+"""From this share of the work on, the time left is at least the time that the remaining work takes at the average rate.
 Ours."""
 
 
@@ -106,8 +106,8 @@ class TimeLeft:
                 seen = self._finished[above]
                 each = (self._planned[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:
-                    # A later round is planned only when the one before has ended; until then the usual number of
-                    # children counts.
+                    # A round is planned only when the round before has ended; until then the usual number of children
+                    # is assumed.
                     expected = max(self._planned[kind], self._children or expected * self._usual[kind])
                 elif not step.after_all:
                     expected = self._planned[kind] + ahead * each

@@ -134,8 +134,8 @@ class LaneBends:
 
     @property
     def points(self) -> Records:
-        """The `SpeedPoint`s of all stretches, [P]: each holds a length along the lane that its stretch begins with, and
-        the highest speed there.
+        """The `SpeedPoint`s of all stretches, [P]. Each holds a length, m, counted from the beginning of its stretch's
+        first lane, and the highest speed at that place, m/s.
         """
         return self._cache.points
 
@@ -188,8 +188,8 @@ class LaneBends:
     def _following(
         self, lane: str, movement: Movement | None, edges: tuple[str, ...], model: ModelSpec
     ) -> Iterator[str]:
-        """Yield the lanes that follow on a route, up to `AHEAD_M`; where several lanes are parallel, the one nearest to
-        the current lane.
+        """Yield the lanes that follow on a route, up to `AHEAD_M`; where several lanes are parallel, yield the lane
+        that is nearest to the current one.
         """
         far = 0.0
         if movement is not None:

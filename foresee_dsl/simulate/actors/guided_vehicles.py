@@ -32,7 +32,8 @@ class GuidedVehicle(SumoVehicle):
 
     Attributes:
         guide: the actor on the path whose position the vehicle takes over, None while SUMO drives it.
-        way: the line of the edges that it joins at the path's end, None where it stays there. route: these edges.
+        way: the line of the edges that the vehicle joins at the path's end; None if it stays at the end. route: these
+            edges.
         ends_m: length of its path, m. backs: whether it reverses along its path.
     """
 

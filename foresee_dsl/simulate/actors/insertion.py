@@ -92,8 +92,8 @@ class Insertion:
         """Return which actors are inserted in which step, and the step from which stand-ins are shown.
 
         A vehicle inside a junction that stands, or drives slower than it may, is treated as yielding to a vehicle that
-        entered earlier. For the other vehicles, the time since they entered is the distance inside divided by their
-        speed.
+        entered earlier. For the other vehicles, the time since they entered is the distance that they have driven
+        inside, divided by their speed.
         """
         vehicles: list[SimulatedActor] = [self._shown_actors.ego, *self._vehicles.values()]
         bends = self._traffic.may_drive_mps()

@@ -41,8 +41,8 @@ class RecoverySettings:
             0.7 s to 1.2 s all are back in their lane within 8 s. A longer look-ahead cuts corners. The least length
             avoids oscillation at walking speed.
         recovery_mps2: lateral acceleration on the way back to the lane: 0.4 g, less than half of what dry tyres hold.
-        headway_s, standstill_m: of the car-following model; SUMO's tau and minGap, so that the actor keeps the same
-            gaps as before.
+        headway_s, standstill_m: time gap and standing gap of the car-following model; they are SUMO's tau and minGap,
+            so that the actor keeps the same gaps as before.
     """
 
     lookahead_s: float = 1.0
@@ -63,7 +63,8 @@ class LaneRecovery:
     Args: limits: the limits of the actor's vehicle.
         line: the centreline of its route.
         cruise_mps: speed where nothing hinders it, m/s.
-        offset: share of the largest steering angle (left positive), with its start and its duration (None: to the end).
+        offset: share of the largest steering angle (left positive), with its start and its duration, s (None: to the
+            end of the run).
         lateral_bound_mps2: largest lateral acceleration that the offset may cause; None: only the tyres limit it.
         line_m: lateral distance to the left of the line that it keeps, m.
         brakes: whether it brakes for others.
@@ -169,7 +170,7 @@ class LaneRecovery:
         ahead = max(self.settings.lookahead_min_m, self.settings.lookahead_s * state.speed)
         x, y = self.bicycle.rear_axle(state)
         # `s` is that of the footprint's centre; the look-ahead distance is measured from the rear axle, which is behind
-        # it.
+        # the centre.
         tx, ty, facing = self.line.at(s - self.bicycle.rear_axle_m + ahead)
         tx, ty = tx - self.line_m * sin(facing), ty + self.line_m * cos(facing)
         angle = wrap(atan2(ty - y, tx - x) - state.heading)

@@ -29,8 +29,8 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 PUSHED_MPS2 = 2.0
-"""Acceleration and braking of an obstacle on a path, m/s^2; a model of an obstacle has none of its own. Ours: that of a
-cart."""
+"""Acceleration and braking of an obstacle on a path, m/s^2; models of obstacles have no such values. Ours: a value for
+a cart that is pushed."""
 KERB_M = 0.5
 """Distance before the edge of a crossing at which a pedestrian waits, m. Ours: toes behind the kerb."""
 PASSES_M = 1.1

@@ -32,8 +32,8 @@ class PathFollower:
         path: [N, 2] m.
         pace_mps: the speed to reach, m/s.
         acceleration_mps2, braking_mps2: rates of speeding up and of braking, m/s^2, both positive.
-        length_m: length of its footprint, m: its heading is that of the line between its rear and its front, so that a
-            cyclist turns gradually at a corner.
+        length_m: length of the follower's footprint, m. Its heading is that of the line from its rear to its front, so
+            that a cyclist turns gradually at a corner.
         along_m, speed_mps: its length along the path and its speed at the beginning.
         lateral_mps2: largest lateral acceleration in a corner; None for an actor that turns on the spot.
 

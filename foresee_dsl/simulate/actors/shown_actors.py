@@ -28,7 +28,7 @@ class ShownActors:
     def __init__(
         self, ego: EgoVehicle, actors: Iterable[SimulatedActor], paths: PathGroup, progress: Progress, world: World
     ) -> None:
-        """Select the actors to show from all actors; `paths`: the group of those on paths."""
+        """Select the actors to show from all actors; `paths`: the group of the actors that follow paths."""
         self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
         actors = list(actors)
         self.guided = [actor for actor in actors if isinstance(actor, GuidedVehicle)]

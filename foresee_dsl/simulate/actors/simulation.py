@@ -171,7 +171,8 @@ class Simulation:
     ) -> tuple[XY, ...]:
         """Let an actor leave its lane or path and follow another path from its current position; return that path.
 
-        `way`: the edges, and their line, along which it drives on from the path's end; None: it stays there.
+        `way`: the edges along which the actor drives on from the path's end, and the line of these edges; None: the
+            actor stays at the path's end.
         """
         path = distinct(whole_millimetres(((actor.x, actor.y), *points)))
         if isinstance(actor, PathActor):

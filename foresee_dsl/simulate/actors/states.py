@@ -25,7 +25,7 @@ class SimulatedActor:
     The values lie in an array of their own or, once the actor has joined a `StateTable`, in a row of that table.
 
     Attributes:
-        id: its name. placed: the actor as the scene describes it. length, width: of the footprint, m.
+        id: its name. placed: the actor as the scene describes it. length, width: size of the footprint, m.
     """
 
     __slots__ = ("_along", "_lane", "_number", "_present", "_row", "_state_table", "id", "length", "placed", "width")
@@ -171,7 +171,7 @@ class StateTable:
 
     Attributes:
         states: [A, 7] the columns of `Trace.states`, also of absent actors.
-        lanes: [A] index into `lane_ids`, -1 off the lanes; each change of lane replaces the array by another one.
+        lanes: [A] index into `lane_ids`, -1 off the lanes; each change of lane replaces the array by a new array.
         lane_ids: every lane that an actor has been on, with its index.
         along: [A] length along the actor's path, m; NaN without a path.
     """

@@ -244,8 +244,9 @@ class SumoVehicle(SimulatedActor):
     def _heads_for(self, nearest: Lane, s: float, lateral: float) -> Lane:
         """Return the lane that a vehicle between two lanes is changing to, judged by its heading.
 
-        In the first half of a change the nearest lane is the one that it leaves. The vehicle counts as leaving it if it
-        has turned away by at least half the angle that its offset from the middle requires.
+        In the first half of a change, the nearest lane is the lane that the vehicle leaves. The vehicle counts as
+        leaving the nearest lane if it has turned away from it by at least half the angle that its offset from the
+        lane's middle requires.
         """
         side = 1 if lateral > 0 else -1
         slope = min(sumo_traffic.SIDEWAYS_SHARE, sumo_traffic.SIDEWAYS_MPS / max(self.speed, 0.1))
@@ -263,7 +264,8 @@ class LaneTable(NamedTuple):
     """The lines of all lanes of a network.
 
     Attributes:
-        spans: by lane id, the first index of its vertices and the index after the last. vertices: of all lanes.
+        spans: for each lane id, the index of the lane's first vertex and the index after its last one. vertices: the
+            vertices of all lanes.
     """
 
     spans: dict[str, tuple[int, int]]

@@ -50,7 +50,8 @@ class TargetSelection:
 
     Args:
         limits: limits of the vehicle.
-        line: the centreline of its route. line_m: lateral distance to the left of it that the vehicle keeps, m.
+        line: the centreline of the vehicle's route. line_m: distance to the left of this line that the vehicle keeps,
+            m.
     """
 
     def __init__(self, limits: VehicleLimits, line: Polyline, line_m: float = 0.0) -> None:
@@ -114,7 +115,8 @@ class TargetSelection:
             return None
         ex, ey = other.velocity
         half_m = self._limits.length_m / 2
-        # The distance of the centres bounds that of the footprints, and excludes most moments cheaply.
+        # The distance of the centres gives a bound of the distance of the footprints, which excludes most moments
+        # cheaply.
         most_m = half_m + (other.length + other.width) / 2
         for k in range(1, round(CROSSING_S / _EVERY_S) + 1):
             way = state.speed * k * _EVERY_S

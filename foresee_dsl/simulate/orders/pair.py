@@ -1,6 +1,6 @@
 """Orders that set an actor's speed by another actor: a gap, the other's speed, or arrival at a place at the same time.
 
-The speed depends only on the positions and speeds of both, so a clip that begins while such an order is active
+The speed depends only on the positions and speeds of both actors, so a clip that begins while such an order is active
 continues as its parent did.
 """
 
@@ -22,8 +22,8 @@ because its speed follows orders 0.3 s late; with 3 s it needs 10 s to reach the
 HAS_GAP_M = 0.5
 """Error of the gap below which the gap is reached, m. Ours: a tenth of the smallest gap that scenarios order."""
 KEEPS_SPEED_S = 0.25
-"""An actor that is to arrive at a place together with another one keeps its speed for this last time before the place,
-s. Ours: the remaining distance is then too short to compute a speed from."""
+"""An actor that is to arrive at a place together with another actor keeps its speed during the last seconds before the
+place; this is their duration, s. Ours: the remaining distance is then too short to compute a speed from."""
 
 
 class Gap:

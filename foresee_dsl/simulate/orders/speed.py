@@ -40,7 +40,8 @@ actor that times itself by the ego both creep up to the junction and wait for ea
 HASTE = 1.3
 """Maximum speed of an actor with the order `meets`, as a multiple of its cruising speed (defined by the language)."""
 HALTS_M = 0.3
-"""Distance to its stop at which an actor is halted, m. Ours: from its speed there it stops within 0.3 m at 3 m/s^2."""
+"""An actor is halted when it is this far from the place where it is to stop, m. Ours: from the speed that it has there,
+it stops within 0.3 m at 3 m/s^2."""
 MISSED_M = 5.0
 """An actor that is farther than this beyond its stop has missed it and drives on, m. Ours: about a car's length, the
 stopping distance from 20 km/h."""
@@ -208,7 +209,8 @@ class Reverse:
 class StopSpot(NamedTuple):
     """The place where an actor stops, as a length along its line, m; NaN if the actor does not pass there.
 
-    For a bus stop the record also has the stop, and how far before the stop's end the actor still stands in it, m.
+    For a bus stop the record also has the stop, and how far before the stop's end an actor still counts as standing at
+    the stop, m.
     """
 
     s: float

@@ -35,8 +35,8 @@ SAME_WAY_RAD = math.radians(45)
 differ by more than pi less this, rad. Ours: all other actors cross each other's way; RSS has separate rules for those,
 which need the map."""
 _EVERY_M = 1.0
-"""Spacing of the points of the ego's path with which actors are first compared, m; then their place is computed
-exactly."""
+"""Spacing of the points of the ego's path with which actors are compared at first, m; then the actors' place along the
+path is computed exactly."""
 ON_FOOT_OR_TWO_WHEELS = ("pedestrian", "bicycle")
 """Classes of actors whose injury risk is that of a pedestrian struck by a car; there is no published curve for
 cyclists."""
@@ -89,7 +89,7 @@ class Evaluated:
 
 
 def criticality(trace: Trace, actor: int) -> Series:
-    """Return all measures of the ego and an actor at each frame, [T] each; NaN without a value.
+    """Return all measures of the ego and an actor at each frame, [T] each; NaN where a measure has no value.
 
     Args:
         trace: a run. actor: column of the other actor.

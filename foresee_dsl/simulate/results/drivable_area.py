@@ -37,8 +37,8 @@ class Squares:
 
     Attributes:
         left, bottom: the lower left corner of the first square, m. cell: side of a square, m.
-        states: [columns, rows] 1 for a square that lies wholly on the drivable area, 2 for another one, 0 for a square
-            that was not tested yet.
+        states: [columns, rows] 1 for a square that lies wholly on the drivable area, 2 for a square that does not, 0
+            for a square that was not tested yet.
     """
 
     def __init__(self, network: RoadNetwork) -> None:

@@ -6,8 +6,9 @@ ours is the contact normal. Both vehicles are moved back to their first touch; t
 touching sides is the *contact normal*. A body is hit in front, at a side or in the rear if the normal leaves it within
 45 degrees of that direction. Then
 
-- F3 frontal: headings within 45 degrees of opposite, both hit in front;
-- F5 rear: headings within 45 degrees of equal, one hit in front, the other in the rear (either may be the ego);
+- F3 frontal: the headings are opposite within 45 degrees, and both bodies are hit in front;
+- F5 rear: the headings are equal within 45 degrees, one body is hit in front and the other in the rear (the ego may be
+  either of them);
 - F4 lateral: everything else (side swipes, T-bones, corners).
 
 Bicycles and motorcycles are vehicles. The classification ignores which party is to blame, as in the paper.
@@ -136,8 +137,8 @@ def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
 def who_struck(ego: Mover, other: Mover) -> Striker:
     """Return which of two overlapping bodies moved towards the other along the contact normal.
 
-    A body that did so faster than `STUCK_SPEED_MPS` counts. Both do in a head-on collision or when two bodies drift
-    together; neither does when one turns into the other while passing it.
+    A body struck the other if it moved towards it faster than `STUCK_SPEED_MPS`. In a head-on collision, or when two
+    bodies drift together, both did; when a body turns into another while passing it, neither did.
     """
     normal = _first_touch(ego, other)[1]
     ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
@@ -233,11 +234,11 @@ class OutcomeJudge:
     """Watches a run and decides when and how it ends.
 
     Args:
-        ids: [K] ids of the others. kinds: [K] their classes. sizes: [K, 2] their lengths and widths (m). All in the
-            order of `look`'s poses.
+        ids: [K] ids of the other actors. kinds: [K] their classes. sizes: [K, 2] their lengths and widths (m). All
+            three are in the order of `look`'s poses.
         ego_size: length and width of the ego (m).
         end_s: time at which the run ends.
-        must_arrive: whether an ego that has not arrived by then is a timeout; otherwise the end is a pass.
+        must_arrive: whether the run is a timeout if the ego has not arrived at `end_s`; otherwise it is a pass.
 
     Raises:
         ValueError: ids, kinds and sizes differ in length.

@@ -15,8 +15,9 @@ class Nearest:
         text: the part, as written. time_s: the time when it was nearest; None if it could never be evaluated.
         value: the value measured then, in `unit`; None for a fact without a number.
         short: the difference to the bound, in `unit`; None for a fact without a number.
-        held_s: for a `for`, the longest time for which its condition held; None for others, or if it never held.
-        held: whether it held at some time, but not together with the other parts.
+        held_s: for a `for`, the longest time for which its condition held, s; None for other parts, or if the condition
+            never held.
+        held: whether the part held at some time, but not together with the other parts.
         note: for a fact with a distance, the reason why it did not hold, in a few words.
     """
 

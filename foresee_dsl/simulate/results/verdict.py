@@ -116,7 +116,7 @@ class Impact:
             (they touched in passing).
         relative_mps: magnitude of the difference of the velocities.
         closing_mps: component of that difference along the contact normal, positive if the actors approach each other.
-        ego_mps, other_mps: the speeds of both.
+        ego_mps, other_mps: the speeds of the ego and of the other actor.
     """
 
     with_: str
@@ -200,8 +200,8 @@ class RunResult:
     Attributes:
         verdict: the outcome. time_s: time of the decision. with_: id of the other party, or "".
         reason: a sentence for people, such as `F4 lateral collision with runner (car) at 3.15 s, 6.3 m/s`; for a
-            collision it ends with the relative speed. If the verdict is `pass`, it begins with the expectations that do
-            not hold.
+            collision the sentence ends with the relative speed. If the verdict is `pass`, the sentence begins with the
+            expectations that do not hold.
         duration_s: simulated time. steps: number of simulation steps.
         trace: the whole run, up to its end.
     """

@@ -64,7 +64,7 @@ class YieldArea:
         begin_s, end_s: the area along the actor's line, m.
         conflict: the other way.
         movement: the actor's movement through the junction.
-        contenders: those with priority when the actor entered.
+        contenders: the actors that had priority when the actor entered.
         entered_s: time at which the actor entered, s; infinite before that.
     """
 
@@ -135,7 +135,9 @@ def contenders(simulation: Simulation, actor: SimulatedActor, area: YieldArea) -
 
 
 def _has_priority(simulation: Simulation, area: YieldArea) -> bool:
-    """Return whether the other way goes first now: without a signal always, otherwise if both are green."""
+    """Return whether the other way goes first now: always if there is no signal, otherwise if both ways have a green
+    light.
+    """
     signals, conflict, own = simulation.world.signals, area.conflict, area.movement
     if not conflict.tls:
         return True

@@ -110,8 +110,8 @@ _STORED: TypeAdapter[tuple[Infraction, ...]] = TypeAdapter(tuple[Infraction, ...
 
 
 def infractions_in(meta: Mapping[str, Any]) -> tuple[Infraction, ...]:
-    """Return the infractions that a trace's `meta` contains; none if they cannot be read, such as those of an older
-    version.
+    """Return the infractions that a trace's `meta` contains; an empty tuple if they cannot be read, for example because
+    an older version wrote them.
     """
     try:
         return _STORED.validate_python(meta.get("infractions", ()))

@@ -99,8 +99,8 @@ class Sensing:
     """The sensors of the ego in one run. Call `observe` once a frame, from the first frame on.
 
     Noise is a function of the seed, the actor and the time in the parent's run, so that a clip begins with the noise
-    that its parent had there. A clip has no past: scans before its first frame assume that all actors moved with their
-    speeds at that frame.
+    that its parent had at that time. A clip has no past: scans before its first frame assume that all actors moved with
+    the speeds that they have at the first frame.
     """
 
     def __init__(

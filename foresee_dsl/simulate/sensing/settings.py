@@ -16,7 +16,8 @@ class ClassRanges:
 
     The nuScenes detection benchmark counts cars, lorries and buses up to 50 m, two-wheelers and pedestrians up to 40 m,
     barriers and cones up to 30 m (its `class_range`), with a lidar of 32 layers. Ours: the same order of classes with
-    longer ranges, as of lidars with 128 layers: 80 m for cars, the others in proportion or slightly above, rounded.
+    longer ranges, as of lidars with 128 layers: 80 m for cars; the ranges of the other classes are in proportion or
+    slightly larger, and rounded.
     """
 
     car: float = 80.0

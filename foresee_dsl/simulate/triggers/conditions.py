@@ -173,10 +173,10 @@ def some(outcomes: Iterable[ConditionOutcome | None]) -> ConditionOutcome | None
 
 
 def _joined(outcomes: tuple[ConditionOutcome | None, ...], *, enough: bool, unknown: bool) -> ConditionOutcome | None:
-    """Join outcomes, where one with `held == enough` decides.
+    """Join outcomes; an outcome with `held == enough` decides.
 
-    The margin is that of a deciding part: among the parts with the dimension of the first, the smallest for `and`, the
-    largest for `or`.
+    The margin is that of one deciding part. Of the parts that have the dimension of the first deciding part, it is the
+    one with the smallest margin for `and`, and with the largest for `or`.
     """
     present = [outcome for outcome in outcomes if outcome is not None]
     deciding = [outcome for outcome in present if outcome.held == enough]

@@ -25,7 +25,8 @@ _ROUNDING_S = 1e-6
 class HoldingTime:
     """The time for which the condition of a `for` has held without interruption.
 
-    Under an odd number of `not`, a frame without an outcome counts as holding: only a false `for` matters there.
+    Under an odd number of `not`, a frame without an outcome counts as a frame at which the condition holds, because
+    only a `for` that is false can change the result there.
 
     Attributes:
         since_s: time from which it holds, in the run or before it (`for 2 s since -1.30 s`).

@@ -1,8 +1,8 @@
 """Finds the triggers and steps of a run that never began, and how near they came to it; computed from the trace after
 the run.
 
-A condition of several parts joined with `and` is explained part by part: each part that never held, at the moment when
-it was nearest; if every part held at some time, the moment at which most of them did.
+A condition of several parts joined with `and` is explained part by part. Each part that never held is shown at the
+moment when it was nearest to holding. If every part held at some time, the moment at which most parts held is shown.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def unfired(
     the steps of a trigger that never fired.
 
     Args:
-        scenario: the concrete scenario of the run. compiled: compiles it; called only if a trigger or step never began.
+        scenario: the concrete scenario of the run. compiled: function that compiles the scenario; it is called only if
+            a trigger or step never began.
         trace: the run. sensors: settings of the ego's sensors in it.
     """
     waiting = tuple(_waiting(scenario, trace))

@@ -1,4 +1,5 @@
-"""Relative positions of actors along the way of one of them, the lanes that they are in, and places relative to them.
+"""Relative positions of two actors along the way of one of them, the lanes that actors are in, and places relative to
+actors.
 
 An actor's way is its path, or the line of its route from its current edge on; an actor with neither has a straight way.
 A way depends only on the actor's position and the rest of its route, so that a clip, whose routes begin elsewhere, has
@@ -83,13 +84,13 @@ class Ways:
 
     def ahead_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return how far the rear of the actor is ahead of the front of the other, along the other's way, m; negative
-        if it is not.
+        if it is not ahead.
         """
         return self._span(other, actor)[0] - self._span(other, other)[1]
 
     def behind_m(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         """Return how far the rear of the other is ahead of the front of the actor, along the other's way, m; negative
-        if it is not.
+        if it is not ahead.
         """
         return self._span(other, other)[0] - self._span(other, actor)[1]
 

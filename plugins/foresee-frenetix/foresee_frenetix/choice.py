@@ -66,8 +66,8 @@ def choose(
 
 
 def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
-    """Return the candidates with further plans that the library did not create; the cost of such a plan is that of its
-    offset.
+    """Return the candidates with further plans that the library did not create; the cost of such a plan is the cost of
+    its offset.
     """
     if not plans:
         return candidates

@@ -114,12 +114,12 @@ class Planner:
     Everything runs in this thread: the library's concurrent evaluation is not used.
 
     Two faults of frenetix 0.4.0 are worked around. The second derivatives of a filled sample (`s_ddot`, `d_ddot`, and
-    with them `a` and `kappa`) are half of those of its positions; its polynomials are right. And its headings jump from
-    pi to -pi, which its check of the yaw rate takes for a turn. Therefore headings are those of the route plus the
-    sample's angle to it; accelerations and curvatures are computed from speeds, headings and polynomials; and the
-    limits of the car are checked with these values. The library's own check of the curvature is kept, because it only
-    rejects bends that are far too sharp. (Its bound of the curvature's rate, a fixed 0.4 1/(m s), rejects every path
-    through a bend of 10 m: the lanes' own curvature changes faster.)
+    with them `a` and `kappa`) are half of the second derivatives of the sample's positions; its polynomials are right.
+    And its headings jump from pi to -pi, which its check of the yaw rate takes for a turn. Therefore headings are those
+    of the route plus the sample's angle to it; accelerations and curvatures are computed from speeds, headings and
+    polynomials; and the limits of the car are checked with these values. The library's own check of the curvature is
+    kept, because it only rejects bends that are far too sharp. (Its bound of the curvature's rate, a fixed 0.4 1/(m s),
+    rejects every path through a bend of 10 m: the lanes' own curvature changes faster.)
     """
 
     def __init__(self, route: DriverRoute, vehicle: VehicleLimits) -> None:

@@ -19,7 +19,8 @@ END_TIMES_S = (2.0, 3.0, 4.0)
 """Durations of a sampled change of speed or lane, s. Ours: below 2 s it is uncomfortable, and nothing is predicted
 beyond 4 s."""
 SPEED_SHARES = (1.0, 0.75, 0.5, 0.25)
-"""Sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 are added. Ours."""
+"""Sampled end speeds as shares of the highest speed; the present speed, the speed of the road at this place, and 0 are
+sampled too. Ours."""
 STOP_SPEED_MPS = 0.02
 """End speed of a stop, m/s. Ours: with exactly 0, rounding makes the last frame run backwards, and frenetix 0.4.0
 rejects that."""

@@ -147,8 +147,8 @@ class Stack:
         return decide(situation, foes, matches, prediction, patience), prediction
 
     def _sampled(self, situation: RoadSituation, behaviour: Behaviour, prediction: Records) -> Plan | None:
-        """Return the best of the library's candidates and, at low speed, of plans to a stop; None if none is free of
-        collisions.
+        """Return the best plan among the library's candidates and, at low speed, the plans to a stop; None if no plan
+        is free of collisions.
         """
         now = situation.observation.time_s
         start, heading = self._start(situation)

@@ -129,8 +129,8 @@ class InputMaker:
         """Return the inputs of an observation with this past.
 
         Args:
-            observation: the present one; its time is not before that of earlier calls.
-            past: for each time of `PAST_S` the object list at that time; empty if there was none.
+            observation: the present observation; its time must not be before the time of an earlier call's observation.
+            past: for each time of `PAST_S`, the object list at that time; empty if there was no list.
         """
         views, ego = observation.views, observation.ego
         if views is None:

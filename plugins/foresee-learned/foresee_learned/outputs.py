@@ -23,14 +23,16 @@ FUSION_TIMES_S = tuple(0.25 * k for k in range(1, 9))
 """Times from now, s, of the output `waypoints` [1, 8, 2] of `fusion`: where the ego should be, metres ahead and to the
 left."""
 SPEED_BINS_MPS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0, 25.0)
-"""Speeds of the output `target_speed` [1, 14] of `fusion`, m/s: the probability of each of them, which sum up to 1."""
+"""Speeds to which the output `target_speed` [1, 14] of `fusion` gives probabilities, m/s; the probabilities sum up to
+1."""
 TARGET_SPEED_S = 1.0
 """Time from now at which the ego should have the target speed, s. The required mean acceleration is the target speed
 minus the present one, divided by this."""
 
 FUSION_SAFE_OUTPUTS = ("waypoints", "density", "stop_line", "signal")
 FUSION_SAFE_TIMES_S = tuple(0.3 * k for k in range(1, 11))
-"""Times from now, s, of the output `waypoints` [1, 10, 2] of `fusion_safe`, as above."""
+"""Times from now, s, of the output `waypoints` [1, 10, 2] of `fusion_safe`; the waypoints are as in
+`FUSION_TIMES_S`."""
 DENSITY_ROWS = 24
 DENSITY_CELL_M = 2.0
 DENSITY_AHEAD_M, DENSITY_SIDE_M = 40.0, 24.0

@@ -67,7 +67,8 @@ its 5 m/s; with 4 m/s^2, braking from 12 m/s takes 3 s."""
 BRAKING_MPS2 = 4.0
 """Braking that the linear programme assumes, m/s^2. Ours: half of what cars do on a dry road."""
 PREDICTED_S = (0.0, 0.5, 0.75, 1.0, 1.5, 2.0)
-"""Times at which the others are placed, by their speed along their heading, s: InterFuser's."""
+"""Times for which the places of the others are predicted, with their speed along their heading, s. The values are
+InterFuser's."""
 SOON_S = 1.0
 """Time within which every object in the way limits the speed, s: InterFuser's two steps. At later times, only objects
 that were in the way within this time limit the speed; they are moved on by their own speed. Ours: otherwise crossing

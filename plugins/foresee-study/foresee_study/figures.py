@@ -179,7 +179,7 @@ def _a_clip(results: Results, driver: str, family: str, what: Counted) -> float:
 FIGURES: MappingProxyType[str, Callable[[Results], Figure | None]] = MappingProxyType(
     {"rq2_boxes": _boxes, "rq2_heat": _heat, "rq3_curves": _curves}
 )
-"""The figures by name; a name begins with that of its question."""
+"""The figures by name; the name of a figure begins with the name of its question."""
 CAPTIONS = MappingProxyType({
     "rq2_boxes": "Collisions by ranker, length of the clips and number of risky points. Points: repetitions. Boxes: "
                  "resampled test cases, whiskers at 2.5 and 97.5 %.",

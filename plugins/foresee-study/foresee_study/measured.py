@@ -152,7 +152,7 @@ class Measured:
         return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
 
     def only(self, names: Iterable[str] | None = None, family: str | None = None) -> Measured:
-        """Return the campaign with only these test cases, or only those of a family."""
+        """Return the campaign with only these test cases, or with only the test cases of a family."""
         wanted = None if names is None else frozenset(names)
         kept = (c for c in self.cases if (wanted is None or c.name in wanted) and family in (None, c.family))
         return replace(self, cases=tuple(kept))

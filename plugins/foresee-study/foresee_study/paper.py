@@ -90,7 +90,7 @@ def _campaigns(results: Results, driver: str, ranker: str, clip_s: float, points
 
 
 def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tuple[tuple[Measured, ...], ...]:
-    """Return foresee's campaigns and another ranker's, of the drivers and repetitions that both have."""
+    """Return foresee's campaigns and another ranker's, for the drivers and repetitions that both rankers have."""
     sides = [_campaigns(results, driver, name, clip_s) for name in ("foresee", ranker)]
     common = {(m.driver, m.repetition) for m in sides[0]} & {(m.driver, m.repetition) for m in sides[1]}
     return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)

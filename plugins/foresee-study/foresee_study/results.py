@@ -23,8 +23,8 @@ class Results:
     """The campaigns of a study, for one half of the test cases.
 
     Attributes:
-        preset: the preset of the questions' campaigns; campaigns with another one (heavy weather) are selected by its
-            name.
+        preset: the preset of the questions' campaigns; campaigns with another preset (heavy weather) are selected by
+            the name of that preset.
         fuzzings: DriveFuzz's results, for rq4.
     """
 

@@ -20,7 +20,7 @@ REPETITIONS = 3
 """Number of repetitions (paper, section 4.4)."""
 EXHAUSTIVE = "exhaustive"
 EVERY_POINT = 1000
-"""Number of risky points that stands for all of them, for `exhaustive`: more than any test case has."""
+"""Number of risky points with which `exhaustive` uses all points of a test case: no test case has as many."""
 POINTS = 4
 CHILDREN = 4
 """Number of risky points and of mutants per clip, the paper's n_rp and c, in its best configuration (section 4.5,
@@ -40,7 +40,7 @@ class StudySettings:
         repetitions: number of repetitions, each with its own seed.
         exhaustive_repetitions, exhaustive_drivers: repetitions of the exhaustive search, and how many of the first
             drivers it uses.
-        seed: seed of the first repetition; the others have the next ones.
+        seed: seed of the first repetition; each further repetition has the next seed.
         preset: preset of the mutations; results with `paper` are comparable with the paper's.
         children: number of mutants per clip.
         against: the reference drivers; None: the default ones.
@@ -117,7 +117,7 @@ class Wanted:
             handover_s=handover_of(load_driver(self.driver), max(half_s - DRIVES_S, 0.0)),
             against=self._references,
             rules=RulesMode.OFF,  # the paper counts F1 to F5 and an ego that does not drive on as failures
-            allocation="even",  # so that the clips of fewer risky points are a part of those of more
+            allocation="even",  # so that a campaign with more risky points contains the clips of one with fewer
         )
 
     @property

@@ -21,7 +21,7 @@ class Rules(NamedTuple):
     Attributes:
         length, width: size of the ego, m.
         margin: free length in front of another, side: free width on either side, m.
-        small, small_margin: an object shorter than `small` is enlarged by the other value on each side, m.
+        small, small_margin: an object shorter than `small` is enlarged by `small_margin` on each side, m.
         beside: apparent overlap with an object beside the ego that is tolerated, m.
         sample: distance between the places of the ego along the path that are examined, m.
         step: time between two limits, s.
@@ -78,8 +78,8 @@ def _at(s: float, along: FloatArray, values: FloatArray) -> float:
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT)
 def aim(path: FloatArray, x: float, y: float, ahead_m: float) -> FloatArray:
-    """Return [3]: the point of a path ([N, 2] m) that is `ahead_m` beyond the point of it nearest to x, y; and the
-    path's length, m.
+    """Return [3]: x and y of a point of a path ([N, 2] m), and the path's length, m. The point is `ahead_m` along the
+    path beyond the path's nearest point to x, y.
 
     Beyond its end the path continues straight, in the direction of its last metre, because single waypoints of a slow
     car are close together and jitter.
@@ -158,7 +158,8 @@ def _places(waypoints: FloatArray, sample: float) -> FloatArray:
 
 @inner
 def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: Record, blocked: FloatArray) -> bool:
-    """Write the length at which the ego first meets another actor at each of the times, m; infinite if it does not.
+    """Write, for each of the times, the smallest length along the path at which the ego would meet another actor, m;
+    infinite if it would not meet it.
 
     Return whether it meets the actor at any of the times.
     """
@@ -197,7 +198,7 @@ def _blocked(places: FloatArray, other: FloatArray, times_s: FloatArray, rule: R
 def _bound(
     blocked: FloatArray, other: FloatArray, times_s: FloatArray, ends_s: FloatArray, rule: Record, limits: FloatArray
 ) -> None:
-    """Write how far another actor allows the ego to drive along the path up to the end of each step, m.
+    """Write, for each step, how far another actor allows the ego to drive along the path until the step's end, m.
 
     A step's limit is the smallest length at the times around the step's end, as in InterFuser, because the other actor
     may be half a step late.

@@ -58,7 +58,7 @@ class BirdsEyeLayout:
     """Size and scale of the bird's-eye view; the ego's centre is in the middle of its columns, its heading is up.
 
     Attributes:
-        rows, columns: of pixels.
+        rows, columns: numbers of rows and columns of pixels.
         m_per_px: side of a pixel. Ours: at 0.5 m the view reaches 48 m each way, which is the braking distance from
             70 km/h with 4 m/s^2; a lane is 6 to 7 pixels wide, a car 4 by 9.
         rows_ahead: rows in front of the ego's centre; half of `rows` puts it in the middle of the picture.
@@ -85,7 +85,8 @@ class ForwardLayout:
     """Size and lens of the forward view: a level pinhole camera, the horizon between the two middle rows.
 
     Attributes:
-        rows, columns: of pixels, both even. view_rad: angle between the outermost columns' outer edges.
+        rows, columns: numbers of rows and columns of pixels, both even. view_rad: angle between the outermost columns'
+            outer edges.
     """
 
     rows: int = 64

@@ -337,7 +337,7 @@ def numbers_in(text: str, count: int, option: str) -> list[int]:
 def cases_of(
     paths: list[str] | None, settings: StudySettings, only: list[str] | None, *, allow_outside: bool
 ) -> tuple[TestCase, ...]:
-    """Return the test cases of a study: those of its half, up to the maximum number."""
+    """Return the test cases of a study: the test cases of its half, up to the maximum number."""
     from foresee_dsl.cli.options.case_selection import selected
     from foresee_dsl.files import data_folder
     from foresee_dsl.language.project.loading import load_test_cases

@@ -200,7 +200,8 @@ def _cases_of(plan: Plan, say: Say) -> dict[str, tuple[str, ...]]:
     """
     drivers = sorted({healthy(fault) for fault in plan.faults})
     names = [name(case) for case in library(plan.half)]
-    # Every fault needs the first test cases, so they are driven once in advance; of the others few are needed.
+    # Every fault needs the first test cases, so they are driven once in advance; only few of the other test cases are
+    # needed.
     first = names[: max(_FIRST, 3 * plan.cases)]
     runs = [(plan.half, each, driver) for driver in drivers for each in first]
     digests = {run[1:]: digest for run, digest in _spread(plan.jobs, _digest, runs)}
@@ -223,7 +224,7 @@ def _digest(run: tuple[Half, str, str]) -> str:
 def _affected(task: tuple[Half, str, int, tuple[tuple[str, str | None], ...]]) -> tuple[str, ...]:
     """Return the first test cases that a fault at full strength changes.
 
-    The digests in `task` are those of the healthy driver, None if they are unknown.
+    The digests in `task` are digests of the healthy driver's runs; None for a run that was not done yet.
     """
     half, fault, most, healthily = task
     affected: list[str] = []

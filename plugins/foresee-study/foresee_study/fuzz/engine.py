@@ -56,8 +56,8 @@ def fuzz(
             that fails without mutation is not mutated.
         settings: settings of the run.
         out: folder in which `mutated` and `fuzz.json` are replaced.
-        store: a store that is open for writing; that of a campaign can be used. listeners: they are notified of each
-            run.
+        store: a store that is open for writing; the store of a campaign can be used. listeners: objects that are
+            notified of each run.
         options: number of workers, limits, stop signal.
 
     Raises:

@@ -34,7 +34,7 @@ class Job:
         parent: lines of the mutated test case that is mutated again; "" for the original.
         cycle, number: cycle, and number of the mutation in it; cycle 0 is the run of the original.
         meaning: hash of the meaning of the original.
-        settings: those of the fuzzing run.
+        settings: the settings of the fuzzing run.
         folder: folder of the mutated test cases, absolute.
         deadlines: wall times of the driver.
     """

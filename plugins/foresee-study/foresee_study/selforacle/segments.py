@@ -13,8 +13,8 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.trace import Trace, X, Y
 
 _BACK, _ON = 3, 30
-"""Number of waypoints behind and ahead of the last one among which the next one is searched. Ours: 6 m and 60 m of
-route, so that a route that returns to a place is not cut short there."""
+"""The next waypoint that the ego passes is searched among this number of waypoints behind the last passed one and ahead
+of it. Ours: 6 m and 60 m of route, so that a route that returns to a place is not cut short at that place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Segment:
 
 
 def segments_of(trace: Trace, frames: NDArray[np.intp], errors: FloatArray) -> list[Segment]:
-    """Return a run's segments in the order of time, without those of which there is no picture.
+    """Return a run's segments in the order of time, without the segments that have no picture.
 
     Args:
         trace: the run.

@@ -130,7 +130,7 @@ class Table:
 
     @property
     def stacked(self) -> tuple[str, ...]:
-        """Return the headings of each column as lines; that of a group is only above the first of its columns."""
+        """Return the headings of each column as lines; a group's heading is only above its first column."""
         lines: list[tuple[str, ...]] = []
         for before, column in zip((None, *self.columns), self.columns, strict=False):
             same = before is not None and before.groups == column.groups
@@ -145,7 +145,9 @@ class Table:
 
     @property
     def named_once(self) -> tuple[str, ...]:
-        """Return the headings of each column as one line; that of a group is only before the first of its columns."""
+        """Return the headings of each column as one line; the heading of a group is only before the group's first
+        column.
+        """
         lines = []
         for before, column in zip((None, *self.columns), self.columns, strict=False):
             new = () if before is not None and before.groups == column.groups else column.groups
