@@ -1,4 +1,4 @@
-"""Plug-ins: what installed packages offer by name through an entry-point group."""
+"""Plug-ins: objects that installed packages offer by name through an entry-point group."""
 
 from __future__ import annotations
 

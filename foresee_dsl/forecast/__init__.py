@@ -1,4 +1,4 @@
-"""Finds moments of a run that passed at which it could have failed.
+"""Finds, in a run that passed, the moments at which it could have failed.
 
 All rankers have one protocol, and see only traces.
 """

@@ -226,8 +226,8 @@ def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: flo
 def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -> str:
     """Return the clause of the report, such as `runner passes 1.9 m behind the ego at 17.40 s`.
 
-    For a crossing actor the clause says `ahead of` or `behind` if that is so, even if the actor is farther away
-    sideways.
+    For a crossing actor that is ahead of or behind the ego, the clause says so even if the actor is farther away to the
+    side.
     """
     state = trace.states[encounter.frame, encounter.actor]
     verb = "passes" if state[SPEED] > STANDS_MPS else "stands"

@@ -134,7 +134,7 @@ def paths_cut(a: FloatArray, b: FloatArray, *, angle_rad: float) -> bool:
 def enters_from_side(points: FloatArray, path: FloatArray, *, half_width_m: float) -> bool:
     """Return whether a recorded path ([N, 2]) enters the corridor along another ([M, 2]) from the side.
 
-    A path that lies in the corridor from the beginning, or enters at an end (a leader, a follower), does not.
+    A path that lies in the corridor from the beginning, or enters it at an end (a leader, a follower), does not count.
     """
     if not len(points) or len(path) < 2:
         return False

@@ -225,7 +225,7 @@ def advance(
 ) -> int:
     """Advance followers and their states by a step; then fill `sights` and return their number as `find_seen`.
 
-    `states`, `along`: of all actors. `lines`, `bends`, `cells`: of all paths.
+    `states`, `along`: the values of all actors. `lines`, `bends`, `cells`: the arrays of all paths.
     """
     for n in range(followers.size):
         follower = followers[n]

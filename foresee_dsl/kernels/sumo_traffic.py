@@ -71,8 +71,8 @@ def follow(seen: IntArray, numbers: FloatArray, vehicles: Records, states: Recor
     """Move footprints to the positions of their vehicles in SUMO after a step.
 
     `seen`: [N] indices of the vehicles in SUMO. `numbers`: [3 N] x, y of the middle of each vehicle's front bumper, m,
-    then all speeds, m/s. `vehicles`, `states`: of all vehicles and actors; both are changed. `lanes`: the vertices of
-    all lanes.
+    then all speeds, m/s. `vehicles`, `states`: the records of all vehicles and the states of all actors; both are
+    changed. `lanes`: the vertices of all lanes.
     """
     for n in range(seen.size):
         vehicle = vehicles[seen[n]]
@@ -133,7 +133,8 @@ def slow_for_bends(
 ) -> int:
     """Compute the speed limit of each vehicle for the next step: `limit` and `ordered` of its record.
 
-    `driven`: [N] indices of these vehicles. `vehicles`, `states`: of all vehicles and actors; the former are changed.
+    `driven`: [N] indices of these vehicles. `vehicles`, `states`: the records of all vehicles, which are changed, and
+    the states of all actors.
     `lanes`: the vertices of all lanes; `bends`: the speed points. Fills `changed` with the indices of the vehicles
     whose `ordered` has changed; returns their number.
     """

@@ -21,8 +21,9 @@ HEADING_NOISE_RAD = math.radians(2.0)
 WALKER_HEADING_NOISE_RAD = math.radians(10.0)
 PLACE_NOISE_M = 0.1
 PLACE_NOISE_PER_M = 0.003
-"""Standard deviations that the filters assume: of speeds, of headings of vehicles and of walkers, and of places (a
-constant, and a part for each metre of distance). They are about those of the standard sensors (`simulate/sensing`)."""
+"""Standard deviations that the filters assume for measured speeds, for the headings of vehicles and of walkers, and for
+places (a constant, and a part for each metre of distance). They are about those of the standard sensors
+(`simulate/sensing`)."""
 JUMP = 6.0
 """Difference between a measurement and the prediction, in standard deviations, above which an object's filter starts
 again. Ours: the prediction itself has a noise of up to two, so that noise alone rarely reaches this value."""

@@ -165,7 +165,8 @@ def _mps(track: FloatArray, clock: float) -> float:
 
 @inner
 def _advanced(track: FloatArray, clock: float, way: float) -> float:
-    """Return the clock at which a track is `way` metres further on; times at which the actor stood are skipped."""
+    """Return the clock at which the actor is `way` metres further along its track; times at which it stood are
+    skipped."""
     last = track.shape[0] - 1
     while way > 0.0 and clock < last:
         k = int(clock)

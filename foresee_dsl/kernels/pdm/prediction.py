@@ -101,7 +101,7 @@ def _on_path(actor: np.void, place: np.void, foe: np.void, paths: Records, out: 
     for n in range(FRAMES):
         s, predicted = s0 + speed * TIMES_S[n], out[n]
         if stop < np.inf:
-            # v^2 / 2b = room, so it stops after 2 room / v.
+            # v^2 / 2b = room, so the actor stops after the time 2 room / v.
             t = min(TIMES_S[n], 2 * room / speed)
             s = s0 + speed * t - speed * speed / (4 * room) * t * t
         i = min(max((s + foe["added"]) / PATH_M, 0.0), count - 1.001)

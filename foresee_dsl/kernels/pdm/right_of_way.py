@@ -71,7 +71,8 @@ def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
 def _yield_wall(
     junction: int, egos: Records, actors: Records, foes: Records, matches: Records, route: Records
 ) -> float:
-    """Return the first length at which the ego must wait at a junction for streams with priority; infinite: none."""
+    """Return the first length along the route at which the ego must wait at a junction for streams with priority;
+    infinite if it need not wait."""
     ego = egos[0]
     ahead, until_s, any_actor = _ahead(junction, ego, foes, matches)
     if not any_actor:

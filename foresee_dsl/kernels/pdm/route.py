@@ -209,8 +209,8 @@ OWN_LANE_M = 1.2
 """Distance from the centreline within which an aligned actor is in the ego's lane, even if a crossing stream's path
 runs there too, m. Ours."""
 BRAKING_ALREADY_MPS2 = -1.0
-"""Acceleration below which the ego has decided to stop, and sticks to that decision, m/s^2; so the decision needs no
-memory. Ours."""
+"""If the ego's acceleration is below this, m/s^2, it has decided to stop and keeps that decision, which therefore needs
+no memory. Ours."""
 BRAKING_ALREADY_FACTOR = 1.5
 """Factor on the braking that the ego then accepts before it drives on after all. Ours: it makes up for the lag of the
 brakes."""

@@ -32,8 +32,8 @@ KINEMATIC_FACTOR = 1.0
 the braking needed at constant speed; the plain IDM brakes with 8 m/s^2 for a slower car that cuts in 10 m ahead, where
 1.7 m/s^2 would be enough."""
 PASSABLE_GAP_M = 6.0
-"""Distance behind a parked actor at which the ego waits for a gap to pass it, m. Ours: in the tests it can steer out
-from 4 m behind a car, which leaves a margin of 2 m."""
+"""Distance behind a parked actor at which the ego waits for a gap to pass it, m. Ours: in the tests the ego can steer
+out from 4 m behind a car, which leaves a margin of 2 m."""
 PASS_CLEARANCE_M = 0.6
 """Lateral clearance to a parked actor that the ego passes, m. Ours; cyclists and opened doors (0.9 m) would need
 more."""

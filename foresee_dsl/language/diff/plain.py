@@ -1,4 +1,5 @@
-"""Prints a file in a normal form, in which equal meaning is equal text, for `git diff` with `foresee textconv`."""
+"""Prints a file in a normal form, so that files with the same meaning have the same text, for `git diff` with
+`foresee textconv`."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Junction(Item):
     at: v.Point
     control: Literal["signals", "priority", "right_before_left", "stop"] = "priority"
     crossings: tuple[v.Name, ...] | None = None
-    """The roads that pedestrians can cross: empty for all roads, None for none."""
+    """The roads that pedestrians can cross; an empty tuple means all roads, None means no roads."""
     stages: tuple[Stage, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:

@@ -61,7 +61,7 @@ class Roundabout(Item):
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
     sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     crossings: tuple[v.Name, ...] | None = None
-    """The roads that have a crossing at the ring: empty for all roads, None for none."""
+    """The roads that have a crossing at the ring; an empty tuple means all roads, None means no roads."""
 
     def fits_one_line(self, lines: int) -> bool:
         """Return whether it fits on one line: it has few settings."""

@@ -1,7 +1,8 @@
 """Reads a text, with or without errors: cuts it into statements by its braces and lines, and parses each with its rule.
 
-So an error in one statement leaves the trees of all others intact. The parser of files, the editor and the fuzzer read
-every text this way. Measured when it replaced a parser of whole files: the bundled scenarios take 1.05 times as long.
+So an error in one statement leaves the trees of all other statements intact. The parser of files, the editor and the
+fuzzer read every text this way. Measured when it replaced a parser of whole files: the bundled scenarios take 1.05
+times as long.
 """
 
 from __future__ import annotations

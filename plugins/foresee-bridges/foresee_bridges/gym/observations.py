@@ -53,7 +53,7 @@ class ObjectList:
         """Return the length along the route at which the ego is, m.
 
         Args:
-            observation: of this step.
+            observation: the observation at this step.
             after_s: the place at the step before, m, so that a route that crosses itself is followed; None: the start.
         """
         mission = self.mission

@@ -260,7 +260,8 @@ def _town(net: Path, catalogue: Catalogue | None, left_out: Counter[str]) -> Tow
 def _scenario_files(
     town: Town, routes: Sequence[PlacedRoute], net: str, catalogue: Catalogue | None
 ) -> list[ScenarioFile]:
-    """Return the files, sorted by name: one per family, and separate ones for cases without a signal or behaviour."""
+    """Return the files, sorted by name: one per family, and separate files for cases without a signal or without
+    behaviour."""
     cases: dict[str, list[Case]] = {}
     sources: dict[str, dict[str, None]] = {}
     names: dict[str, set[str]] = {}

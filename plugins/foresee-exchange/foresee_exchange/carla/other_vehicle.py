@@ -61,7 +61,7 @@ def other_vehicle(network: RoadNetwork, passage: Passage, family: str, away_m: f
 
 
 def _rank(network: RoadNetwork, own: Movement, other: Movement, family: str) -> tuple[float, ...]:
-    """Return a sort key by which the movement that suits the family best comes first."""
+    """Return a sort key; the movement that suits the family best comes first."""
     angle = wrap(_heading(network, other) - _heading(network, own))
     straight = other.turn != "straight"
     if family == "8":

@@ -29,7 +29,7 @@ _SIDES = ("west", "south", "east", "north")
 
 @dataclass(frozen=True)
 class Boundary:
-    """A box: of a map, the edges that lie wholly or partly in it are kept.
+    """A box; the edges of a map that lie wholly or partly in it are kept.
 
     Attributes:
         west, south, east, north: its sides, in m of the map's coordinates or in degrees.

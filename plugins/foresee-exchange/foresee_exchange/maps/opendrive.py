@@ -24,7 +24,7 @@ from foresee_exchange.naming import file_name, name_of
 
 _LIGHTS = ("1000001", "1000002", "1000009", "1000010", "1000011")
 """Types of traffic lights: the first five are those of CARLA's OpenDRIVE reader (road/SignalType.cpp, after OpenDRIVE
-1.5M). Netconvert 1.28 reads them as such; ours: CARLA's towns have no others."""
+1.5M). Netconvert 1.28 reads these types as traffic lights. Ours: CARLA's towns have no other types."""
 _TAKEN_LANES = (
     *("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop"),
     *("sidewalk", "none", "biking", "parking"),

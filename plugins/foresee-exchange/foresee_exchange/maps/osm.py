@@ -324,7 +324,8 @@ def drives_on_the_left(root: Element) -> bool:
 def crossings_of(root: Element, net: Topology) -> bytes | None:
     """Return netconvert's input that adds an extract's crossings to the net made from it; None if there are none.
 
-    Each is placed at the arm of a junction; arms that have a crossing, or no sidewalk near, get none.
+    Each crossing is placed at the arm of a junction; arms that already have a crossing, or have no sidewalk near, get
+    none.
     """
     places = list(_crossing_places(root, net))
     taken = {edge for crossing in net.crossings.values() for edge in crossing.edges}

@@ -28,7 +28,7 @@ from foresee_exchange.openscenario.reading.ways import trajectories as tracks
 from foresee_exchange.openscenario.reading.ways.held_up import held_by_tyres, lane_ahead, path_along, way_on
 
 _WALK_M = 60.0
-"""Length of a pedestrian's straight path if the file has none, m (ours: the usual run of a minute at 1 m/s)."""
+"""Length of a pedestrian's straight path if the file has no path, m (ours: the usual run of a minute at 1 m/s)."""
 _OFF_ROAD_M = 200.0
 """Length of a vehicle's straight path off the lanes, m."""
 _NEAR_M = NEAR_ROAD_M - 1.0

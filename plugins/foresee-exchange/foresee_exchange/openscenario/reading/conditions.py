@@ -30,7 +30,7 @@ _SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
 _BESIDE_M = 5.0
 """Lateral distance from the route up to which a covered distance is noticed, m (ours: slightly more than a lane)."""
 _NO_COLLISION_S = 3600.0
-"""A time to collision of at least this value means that there is none, s (ours: longer than any run)."""
+"""A time to collision of at least this value, s, means that there is no collision (ours: longer than any run)."""
 _BY_TYPE: Mapping[str, tuple[ActorKind, ...]] = {
     "vehicle": ("car", "van", "truck", "bus", "motorcycle", "bicycle"),
     "pedestrian": ("pedestrian",),
@@ -44,11 +44,11 @@ class NeverStarts(Exception):  # noqa: N818 - not an error: events that wait for
 
 @dataclass(frozen=True)
 class Step:
-    """A step in which an event waits: for a condition (None: for none), then for a time.
+    """A step in which an event waits: for a condition (None: no condition), then for a time.
 
     Attributes:
-        edge: the moment at which the condition begins to hold, for a condition with an edge; it replaces the condition
-            if that may already hold when the wait begins.
+        edge: for a condition with an edge, a condition that holds only when that one begins to hold; it replaces
+            `condition` if that may already hold when the wait begins.
     """
 
     condition: m.Condition | None = None

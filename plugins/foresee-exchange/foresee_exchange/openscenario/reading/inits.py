@@ -149,7 +149,7 @@ def _speed_at_once(action: Element, speeds: Mapping[str, float]) -> float | None
 
 
 def _is_plain(source: Source, ref: str, private: Element) -> bool:
-    """Return whether a controller only follows lanes or a given way, or there is none to activate."""
+    """Return whether a controller only follows lanes or a given way, or whether there is no controller to activate."""
     for override in private.iter("OverrideControllerValueAction"):
         if any(part.get("active") == "true" for part in override):
             return False

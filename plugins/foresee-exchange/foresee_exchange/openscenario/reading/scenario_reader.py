@@ -44,7 +44,7 @@ from foresee_exchange.openscenario.reading.ways.curves import vertices
 from foresee_exchange.openscenario.reading.ways.trajectories import nearest
 
 _END_S = 60.0
-"""Duration if the file has none, s (the language's own default)."""
+"""Duration of the run if the file states no duration, s (the language's own default)."""
 _SAYS_SO = re.compile(r"\s*CARLA\s*:", re.IGNORECASE)
 _ENOUGH = 2
 """Least number of vehicles whose places decide whether coordinates are left-handed, if the file gives no hint: a single

@@ -32,7 +32,7 @@ class Source:
     Attributes:
         path: the file. root: its `<OpenSCENARIO>`.
         roots: folders in which the file may name other files.
-        values: of the parameters of the whole file.
+        values: the values of the parameters of the whole file.
         missing: catalogue folders that do not exist. elsewhere: folder in which these are searched instead; or None.
     """
 

@@ -254,7 +254,8 @@ class _Board:
             self._block(actions, starts, index, (), every=every)
 
     def _start(self, condition: m.Condition, done: list[Make], index: int, where: Where) -> list[list[Make]] | None:
-        """Return a condition's alternatives, each after the events `done`, or the time at which it held in the run."""
+        """Return the alternatives of a condition, each joined with the end of the events `done`; if they cannot be
+        expressed, the time at which the condition held in the run."""
         try:
             return [[*done, *group] for group in self._conditions.groups(condition)]
         except NotExpressed as err:

@@ -16,8 +16,9 @@ Related = m.ChangesLine | m.KeepsBeside | m.KeepsGap | m.MatchesSpeed | m.Synchr
 
 
 def related_action(action: Related, scene: Scene, left_out: Counter[str]) -> Xosc:
-    """Return such an action; None if its place depends on the actor's later position. Parts that OpenSCENARIO cannot
-    express are counted in `left_out`."""
+    """Return OpenSCENARIO's action for an action that keeps an actor at a lateral position or near another actor; None
+    if its place depends on the actor's later position. Parts that OpenSCENARIO cannot express are counted in
+    `left_out`."""
     duration = None if isinstance(action, m.ChangesLine | m.Synchronises) else action.duration
     left_out["ends of actions that keep to another actor"] += duration is not None
     match action:

@@ -55,7 +55,7 @@ class Variation:
     """A file that varies the parameters of a scenario.
 
     Attributes:
-        path: the file. scenario: the scenario that it varies. description: from its header.
+        path: the file. scenario: the scenario that it varies. description: the description in its header.
         groups: for each group of parameters that vary together, its sets of values; all combinations are used.
         drawn: distributions of parameters, instead of groups. runs, seed: number and seed of the draws.
     """

@@ -45,7 +45,8 @@ def path_along(
     kind: LaneKind,
     if_held_up: tuple[float, Iterable[tuple[Pose, float]]] | None = None,
 ) -> list[XY]:
-    """Return the way along some edges as a path of a vehicle's centre; empty if it is on none of their lanes.
+    """Return the way along some edges as a path of a vehicle's centre; empty if the vehicle is on none of the edges'
+    lanes.
 
     `if_held_up`: its speed, m/s, and the other actors (pose, m/s). With it, a path is returned only if SUMO could not
     keep the speed on the lanes: limits or bends are slower, or an actor ahead is slower or too near. Otherwise the path

@@ -19,7 +19,8 @@ from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.ways import trajectories as tracks
 
 USUAL_S = 3.3
-"""Duration of a change if the file has none, s. Ours: a lane of 3.3 m at 1 m/s, as vehicles on lanes do it."""
+"""Duration of a lane change if the file states none, s. Ours: vehicles on lanes change by a lane's width of 3.3 m at 1
+m/s."""
 _SLOWEST_MPS = 3.0
 """Least assumed speed of an actor that changes lane, if its speed is unknown or lower, m/s (ours)."""
 _SLOWER = 0.98
