@@ -31,7 +31,8 @@ ORDER = (
     DriverPart.PREDICTION,
 )
 """The order in which a part is named if several alone suffice. Ideal rules and control change the least; tracking and
-prediction depend on perception; ideal prediction knows the future. Ours: docs/background/faults.md#causes."""
+prediction depend on perception; ideal prediction knows the future. Ours; docs/background/faults.md#causes explains it.
+"""
 _EVERY_FRAMES = 2
 """Frames between two looks for the first sighting: 0.1 s, the scans of the standard sensors."""
 Drive = Callable[[frozenset[DriverPart]], RunResult]

@@ -37,13 +37,13 @@ SAME_TIME_S = 1.0
 """Two egos that would come to the place of the failure within this time of each other meet the same situation, s. Ours:
 about R157's time for perceiving and beginning to brake, 1.15 s: a larger difference is not made up by reacting."""
 LOOKS_ON_S = 3.0
-"""A reaction is looked for up to this long after the failure, s. Ours: a car stops from 50 km/h in 2 s."""
+"""A reaction is looked for up to this long after the failure, s. Ours: a car that drives at 50 km/h can stop in 2 s."""
 EARLIER_S = 0.2
 """The smallest difference in time that is mentioned, s. Ours: two decisions of a driver that plans at 10 Hz."""
 SLOWER_MPS = 0.5
 """The smallest difference in speed that is mentioned, m/s. Ours: 2 km/h."""
 HARDER_MPS2 = 1.0
-"""The smallest difference in braking that is mentioned, m/s^2. Ours: releasing the accelerator makes as much."""
+"""The smallest difference in braking that is mentioned, m/s^2. Ours: releasing the accelerator has as much effect."""
 ASIDE_M = 0.3
 """The smallest lateral difference that counts as evading, m. Ours: twice the sensors' error in position."""
 

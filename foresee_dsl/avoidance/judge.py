@@ -83,9 +83,11 @@ class Judge(Protocol[Answered_co]):
 
 
 SAME_TIME_S = 0.1
-"""Largest difference in time between the contact and that of a replay without braking, s. Ours: two steps."""
+"""Largest difference in time between the contact and the contact in a replay without braking, s. Ours: two steps."""
 SAME_PLACE_M = 0.1
-"""Largest distance between the egos at these two contacts, m. Ours: the tolerance of a clip's fidelity."""
+"""Largest distance between the places of the ego at the contact and at the contact in a replay without braking, m.
+Ours: the tolerance of a clip's fidelity.
+"""
 
 
 @dataclass(frozen=True, eq=False)

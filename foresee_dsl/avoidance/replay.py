@@ -28,10 +28,13 @@ KEEPS_PATH_M = 3.0
 """Length over which a lateral error decays while braking, m. Ours: a wheelbase; the error stays below centimetres."""
 
 EXACT_MPS = 1e-12
-"""Largest error of a replayed speed, m/s. Ours: a thousand roundings; over 10 s they amount to a hundredth of a
-nanometre."""
+"""Largest error of a replayed speed, m/s. Ours: about a thousand rounding errors; over 10 s this amounts to a hundredth
+of a nanometre.
+"""
 _TRIES = 100
-"""Largest number of iterations of `_solve`. Ours: the fifty halvings among them are finer than a float."""
+"""Largest number of iterations of `_solve`. Ours: every second iteration halves the range, and fifty halvings reach the
+precision of a float.
+"""
 _TOUCHED = 1e-9
 """Smallest share of a pressed brake, as at 0 the vehicle behaves as with a released throttle."""
 

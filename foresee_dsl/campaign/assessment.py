@@ -31,7 +31,8 @@ HARD_BRAKING_MPS2 = 3.0
 """Braking harder than this is an event: the initial threshold of harsh braking in the naturalistic driving study UDRIVE
 (Jansen and Wesseling, Harsh braking by truck drivers, 6th Humanist Conference, 2018)."""
 APART_S = 0.5
-"""Two brakings with less time than this between them count as one, s. Ours: half a second is a reaction time."""
+"""Two brakings with less time than this between them count as one braking, s. Ours: half a second is a reaction time.
+"""
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,8 @@ class CampaignFolder:
 
     @Part.FOLDER.measured
     def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
-        """Write the failures in both forms, the traces and `campaign.json`; then move all into place.
+        """Write the failures (as found and minimised), the traces and `campaign.json`; then move all of them into
+        place.
 
         `traces`: blob by file, with the test case's id if the trace has another one.
         """

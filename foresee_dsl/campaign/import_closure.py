@@ -22,7 +22,9 @@ from pathlib import Path
 from foresee_dsl.files import cache_folder, write_whole
 
 DIGITS = 40
-"""Number of hexadecimal digits of a hash. Ours: 160 bits; the chance of a collision in a billion is below 1e-30."""
+"""Number of hexadecimal digits of a hash. Ours: 160 bits; among a billion hashes, the probability that two are equal is
+below 1e-30.
+"""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CACHE = "imports-2.json"
 """Cache file of the imports of each source, by the source's hash, as reading 230 sources took 2 s. The number in the

@@ -242,7 +242,7 @@ class CampaignResult:
 def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
     """Return whether a clip's or mutant's run needs attention: the driver failed, crashed or hung.
 
-    A mutant that begins in a contact does not, nor does one that does not arrive in a clip's few seconds.
+    A mutant that begins in a contact needs no attention, nor does one that does not arrive within a clip's few seconds.
     """
     return verdict.is_failure or verdict is Verdict.CRASH or (notes is not None and notes.hang is not None)
 
@@ -262,5 +262,5 @@ def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:
 def sorted_outcomes(
     seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]
 ) -> tuple[tuple[CaseRunOutcome, ...], tuple[ClipOutcome, ...]]:
-    """Return both, sorted independently of the order of execution."""
+    """Return the test cases and the clips, each sorted independently of the order of execution."""
     return tuple(sorted(seeds, key=lambda s: s.id)), tuple(sorted(clips, key=lambda c: (c.seed, c.rank)))

@@ -141,7 +141,7 @@ class Stages:
     def choose(self, names: Container[str]) -> tuple[StepNode, ...]:
         """Return the steps that follow from the chosen ones among all visited steps; `walk` then ends with them.
 
-        Such steps are known only after all others: `names` are those of the findings' representatives.
+        Such steps are known only after all others, because `names` are the names of the findings' representatives.
         """
         nodes_after = []
         for node in sorted(self.named(names), key=lambda node: node.step.name):

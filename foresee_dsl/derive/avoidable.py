@@ -30,7 +30,7 @@ failed, 1 of the 18 with a score between 0.2 and 0.4, and none of the 89 with a 
 HARDLY = 0.08
 """A candidate with a lower score than this is not simulated. Ours: it misses even a driver that does not react."""
 ALIKE = 2
-"""Maximum number of mutants for each actor and kind of change. Ours: a third one ends like the first two."""
+"""Maximum number of mutants for each actor and kind of change. Ours: a third such mutant ends like the first two."""
 UNSURE = 2
 """Maximum number of mutants with a score between `HARDLY` and `LEAST`. Ours: they test whether the driver reacts at
 all; with cyclists beside `pdm`, one in four such mutants failed."""

@@ -30,9 +30,10 @@ CHILDREN = 4
 UNPROMISING = 0.25
 """Share of its mutants that a clip gets if the preset's search finds no candidate. Ours: one of four by default."""
 _DRAWS = 32
-"""Maximum number of draws for one mutant; a draw that equals an earlier mutant is repeated. Ours: two draws of a
-hundred values are equal once in a hundred times, 32 in a row practically never. If the operators have fewer values than
-mutants, there are fewer mutants."""
+"""Maximum number of draws for one mutant; a draw that equals an earlier mutant is repeated. Ours: with a hundred
+values, a draw equals an earlier one once in a hundred times, and 32 draws in a row practically never do. If the
+operators have fewer values than mutants, there are fewer mutants.
+"""
 
 
 def mutate(
@@ -281,7 +282,8 @@ def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
 def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Operator]) -> str:
     """Return the actor that all operators of the preset change; "" if there is none.
 
-    It is the ranked actor, or else the closest actor that can be brought near the ego, or else the first.
+    It is the ranked actor; if that is impossible, the closest actor that can be brought near the ego; if there is none,
+    the first actor.
     """
     names = sorted({name for recipe in preset.recipes for name in recipe})
     near = situation.closest(situation.frame, list(situation.columns))

@@ -20,8 +20,9 @@ RESET_S = 60.0
 """Wall time of the reset and of the first step, in which a driver may load weights or compile functions, s. Ours: 900
 times the slowest measured reset."""
 STEADY_S = 60.0
-"""Part of the limit of a run's wall time that does not depend on the run's length, s. Ours: a worker starts, builds its
-network and imports a framework for learned models in far less."""
+"""Part of the limit of a run's wall time that does not depend on the run's length, s. Ours: a worker needs far less
+time to start, build its network and import a framework for learned models.
+"""
 SLOWEST = 20.0
 """Limit of a run's wall time per simulated second, s. Ours: 20 steps of 0.05 s at one second each; 110 times the
 slowest measured run."""

@@ -54,7 +54,7 @@ class ProcessState:
         return tuple(
             phrase
             for phrase in (
-                self._put_back_names(),  # first of all, because the next methods call these functions
+                self._put_back_names(),  # this comes first, because the next methods call these functions
                 self._put_back_folder(),
                 self._put_back_environment(),
                 self._put_back_errors(),
@@ -124,7 +124,7 @@ _changes: list[str] = []
 
 
 def changes_here() -> tuple[str, ...]:
-    """Return the changes of drivers to this process so far, as phrases that follow "the driver"."""
+    """Return the changes that drivers have made to this process so far, as phrases that follow "the driver"."""
     return tuple(dict.fromkeys(_changes))
 
 

@@ -28,8 +28,9 @@ STANDING_COAST_S = 4.0
 """Time for which an object that stood when it was last seen is kept, s, such as a parked car behind a passing lorry.
 Ours."""
 JERK_MPS3 = 4.0
-"""Standard deviation of the rate of change of accelerations, m/s^3. Ours: of 2, 3, 4 and 8 it has the least error over
-constant speed, setting off and braking with 6 m/s^2."""
+"""Standard deviation of the rate of change of accelerations, m/s^3. Ours: of the values 2, 3, 4 and 8, it has the least
+error over driving at constant speed, setting off, and braking with 6 m/s^2.
+"""
 START_ACCELERATION_MPS2 = 1.0
 """Standard deviation of an object's acceleration at its first measurement, m/s^2. Ours: that of traffic in town."""
 YAW_CHANGE_RAD_S2 = 0.7
@@ -39,7 +40,7 @@ START_YAW_RAD_S = 0.1
 DRIFT_MPS = 0.4
 """Difference between the true velocity of the centre and the filtered speed along the filtered heading, m/s. Ours."""
 STANDING_DRIFT_MPS = 0.02
-"""As `DRIFT_MPS`, for a standing object, m/s. Ours: so that the positions of parked cars settle."""
+"""As `DRIFT_MPS`, for a standing object, m/s. Ours: it is so small that the positions of parked cars settle."""
 STANDING_TURN_RAD_S = 0.03
 """Turning rate of a standing object, rad/s. Ours."""
 WALKER_TURN_RAD_S = 0.7
@@ -48,8 +49,9 @@ SIZE_GAIN = 0.05
 """Smallest gain with which sizes are corrected. Ours: sizes do not change, but the visible part of an object may."""
 SAME_PLACE_M = 1.5
 SAME_PLACE_MPS = 1.5
-"""An object with a new number is a lost one if it is within 1.5 m, plus 1.5 m/s times the lost time, of where the lost
-one is predicted, m and m/s. Ours: less than the distance between two cars in a queue."""
+"""An object with a new number is taken for a lost object if its distance from the predicted place of that object is at
+most 1.5 m plus 1.5 m/s times the time since it was lost. Ours: less than the distance between two cars in a queue.
+"""
 SAME_SIZE = 0.3
 """Two objects with lengths that differ by less than this share may be the same object. Ours: ten times the noise."""
 FADES_S = 0.5
@@ -185,7 +187,9 @@ class Tracker:
         return self._present(time_s, measured_s)
 
     def _begin(self, seen: ObjectTable, rows: list[int], measured_s: float) -> list[int]:
-        """Assign a row to each new number: the row of an object that was lost at this place, or else a new row."""
+        """Assign a row to each new number: the row of an object that was lost at this place; if there is none, a new
+        row.
+        """
         taken, fresh = set(rows), []
         for k, number in enumerate(seen.numbers):
             if rows[k] >= 0:

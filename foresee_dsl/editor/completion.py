@@ -22,7 +22,7 @@ from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS, Dimension
 
 _MOST_FILES = 500
-"""Maximum number of files offered. Ours: more are not read, and the list is sent with every letter."""
+"""Maximum number of files offered. Ours: people do not read more, and the list is sent with every letter."""
 _MOST_ENTRIES = 20_000
 """Maximum number of folder entries examined for files. Ours: about 50 ms."""
 

@@ -71,7 +71,7 @@ class Heights:
 
 @dataclass(frozen=True)
 class Bridge:
-    """A place where a lane goes over another, m, and the edges of both lanes."""
+    """A place where a lane goes over another: its coordinates, m, and the edges of both lanes."""
 
     x: float
     y: float

@@ -29,7 +29,7 @@ _SMALL_MAPS = ((SHORTEST_M, CLEAR_M, CLEAR_M), (40.0, CLEAR_M, CLEAR_M), (5.0, 6
 """The least length of the route, and the free road behind the start and after the goal, m; the first row that fits the
 map is used (ours; the smallest maps are a road of 10 m, on which a car of 5 m stands and moves)."""
 APPROACH_M = 120.0
-"""Largest length that is driven on the first and on the last edge, m (ours: signals are visible from there)."""
+"""Largest length that is driven on the first and on the last edge, m (ours: a signal is visible from this distance)."""
 _ROOMY_M = 40.0
 """If at least this length of road is ahead, a first edge is a street to start in, not a piece of a roundabout, m
 (ours).
@@ -44,7 +44,7 @@ _MOST_EDGES = 30
 _VEHICLES, _WALKERS = 10, 6
 _ROUND_M = 120.0
 _WAITING_S = 60.0
-"""Time allowed per signal, s: cycles of 90 s, netconvert's default, with a third of green (ours)."""
+"""Time allowed per signal, s: the longest red if a third of netconvert's default cycle of 90 s is green (ours)."""
 _SLOW = 0.5
 """Share of the speed limits that a drive through traffic reaches at least (ours)."""
 

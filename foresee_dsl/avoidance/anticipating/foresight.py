@@ -47,8 +47,9 @@ _CREEPS_MPS = 2.0
 """Lowest speed with which the ego is predicted, m/s, to see whether a standing ego could set off. Ours."""
 _EVERY_FRAMES = 2
 _ON_WAY_M, _SAME_WAY = 2.0, 0.7
-"""An actor is on a way if it is nearer than this, m, and the cosine between their headings is larger than this (45
-degrees). Ours: within its lane."""
+"""An actor is on a way if it is nearer to the way than the first number, m, and the cosine of the angle between their
+headings is larger than the second number (45 degrees). Ours: within its lane.
+"""
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,11 @@ BUILDS_UP_S = 0.6
 """Braking of any strength builds up in this time: R157, Annex 4, appendix 3 (0.774 g after 0.6 s)."""
 EASES_MPS2 = 2.0
 """Braking of an anticipating driver for hazards, m/s^2. Ours: the braking of the Intelligent Driver Model for towns
-is 1.5 to 2 m/s^2 (Treiber and Kesting, Traffic Flow Dynamics, table 11.2); lifting the foot and a light touch."""
+is 1.5 to 2 m/s^2 (Treiber and Kesting, Traffic Flow Dynamics, table 11.2). It is that of lifting the foot from the
+accelerator and touching the brake lightly.
+"""
 SETS_OFF_MPS2 = 1.5
-"""Acceleration after a hazard, m/s^2. Ours: as the Intelligent Driver Model in a town."""
+"""Acceleration after a hazard, m/s^2. Ours: that of the Intelligent Driver Model for towns."""
 
 EXPECTED_REACTION_S = 0.75
 """Reaction time of a driver who expects a hazard, foot over the brake, s: Green, How Long Does It Take to Stop?
@@ -41,11 +43,13 @@ FORESEES_S = 1.45
 delay (0.75 s), and half of the build-up."""
 GAP_ACCEPTED_S = 4.1
 """Shortest time for which others are predicted, s: Highway Capacity Manual, base critical headway of left turns from a
-major street. Measured: without it, a driver that had stopped for the first oncoming car set off in front of the
-second."""
+major street. Measured: without this limit, a driver that had stopped for the first of two oncoming cars set off in
+front of the second one.
+"""
 WALKER_HASTENS_MPS = 0.5
-"""Largest change of a walker's speed that is predicted, m/s. Ours: two thirds of the way from walking
-to running (`WALKING_MPS`, `RUNNING_MPS`)."""
+"""Largest change of a walker's speed that is predicted, m/s. Ours: about two thirds of the difference between running
+and walking (`RUNNING_MPS`, `WALKING_MPS`).
+"""
 CROSSES_RAD = math.radians(45)
 """Angle to the ego's heading above which a vehicle is crossing or oncoming, and is expected to wait if it can do so by
 comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model.
@@ -120,7 +124,10 @@ comfortably from 50 km/h has stood for a while, and the other actor has passed.
 PASSES_S = 1.0
 """Time after the failure's contact at which an evading ego begins to stop comfortably, s. Ours."""
 STOOD_S = 0.5
-"""Time for which the ego must have stood so that a walker's contact with it does not count, s: real walkers look, those
-of the simulation do not. Ours: a walker's step."""
+"""Time for which the ego must have stood so that a walker's contact with it does not count, s, because real walkers
+look where they go, but those of the simulation do not. Ours: the duration of a walker's step.
+"""
 MOST_RUNS = 6
-"""Largest number of simulation runs per failure, including the unchanged replay. Ours: to limit the campaign's time."""
+"""Largest number of simulation runs per failure, including the unchanged replay. Ours: it limits the time that a
+campaign takes.
+"""

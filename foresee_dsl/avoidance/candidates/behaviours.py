@@ -271,7 +271,9 @@ class Behaviours:
         return not bool(((ahead > 0.5) & (ahead < self._settings.ahead_m) & (aside < 1.0)).any())
 
     def _junction(self, actor: int, since: int) -> str:
-        """Return the next junction of an actor after a frame, else that of the ego; "" for none."""
+        """Return the next junction of an actor after a frame; if it has none, that of the ego; "" if the ego has none
+        either.
+        """
         trace = self._run.trace
         for column in (actor, 0):
             for lane in trace.lanes[self._first + since :, column]:

@@ -41,19 +41,21 @@ zero, m. Ours: the error of a roll-out after some seconds.
 EGO_STANDS_MPS = 0.5
 """Speed below which the ego stands at the contact, m/s; such a contact counts as unavoidable."""
 SUDDEN, SUDDEN_S = 0.5, 0.7
-"""Probability of a hit by an actor that gets in the way of a driver that just stops: the first number if there is no
-time left, a third of it with the second number of seconds left. Ours: `pdm` hits with its side a walker who steps into
-its way within a second."""
+"""Probability of a hit by an actor that gets in the way of a driver that stops just in time: the first number if the
+driver has no time left, and about a third of it if the driver has the second number of seconds left. Ours: `pdm` hits
+with its side a walker who steps into its way within a second.
+"""
 _HITS = 0.3
 """Probability of a hit if the roll-out misses the ego by zero distance; if it shows a contact, the probability is 1.
 Ours.
 """
 LEAST_SHARE = 0.2
-"""Factor on the score if none of the careful drivers avoids the contact. Ours: in a trial other drivers avoided such
-contacts too, but fewer."""
+"""Factor on the score if none of the careful drivers avoids the contact. Ours: in a trial, other drivers avoided some
+of these contacts, but fewer than of the others.
+"""
 IN_LINE_RAD, IN_LINE_M = math.radians(25), 1.2
 """Largest differences in heading and in lateral position for an actor to be in the ego's line. Ours: half a car's width
-and a little. Of 30 actors that braked there ahead of `pdm`, and that a driver that reacts did not hit, none was hit."""
+and a little. Of 30 actors that braked in the line of `pdm` and that a reacting driver did not hit, none was hit."""
 SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
 """Weights of `BLIND` and of each of `DRIVES`. Ours: a candidate that hits a prompt driver fails in the simulation; of
 those that hit only a driver that is late or does not react, one in twenty fails.

@@ -51,7 +51,8 @@ MOVED_M = 0.001
 cm/s.
 """
 PREDICTED_EVERY_S = 0.05
-"""Time between predicted positions, s. Ours: a step of the simulation; at 20 m/s a metre."""
+"""Time between predicted positions, s. Ours: a step of the simulation, in which an actor with 20 m/s moves by a metre.
+"""
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,10 @@ WAY_WEIGHT = 8.0
 that a few results have little weight.
 """
 CERTAINTY = 8.0
-"""Weight of each mutant when a way's worth is drawn. Ours: with weight 1, ways that never found anything are tried
-about as often as the best; in replays (docs/background/method.md) that cost one finding in thirty."""
+"""Weight of each earlier mutant when the worth of a way of drawing is drawn at random. Ours: with weight 1, ways that
+never found a failure are tried about as often as the best ones; in replays (docs/background/method.md), one finding in
+thirty was lost in this way.
+"""
 
 
 # ---- the worth of a mutant ------------------------------------------------------------------------------------------

@@ -49,8 +49,9 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that limit the threads of libraries to one: there is a worker per core already."""
 
 _WARM = 4
-"""Number of clips for which a process counts as warm. Ours: while a clip runs, the mutants of the previous one are
-made; caches of clips hold sixteen."""
+"""Number of clips for which a process counts as warm. Ours: while a clip runs, the mutants of the previous clip are
+made; the caches hold sixteen clips.
+"""
 _GRACE_S = 10.0
 """Time beyond a deadline before a process is ended, s. Ours: a run checks its deadline once a second and reports where
 the driver was; the work before and after a run takes less than a second. The grace is never longer than the deadline
@@ -235,7 +236,7 @@ _running: set[int] = set()
 class ProcessEnding(NamedTuple):
     """How a process ended.
 
-    `outside`: by a signal that a process does not send to itself.
+    `outside`: whether it was ended by a signal that a process does not send to itself.
     """
 
     text: str

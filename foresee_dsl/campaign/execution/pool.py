@@ -117,16 +117,19 @@ __all__ = ["BATCH", "DEATHS", "Broken", "Executor", "RunOptions", "Task", "TaskP
 
 DEATHS = 3
 """Number of times that a task's process must die before the task counts as the cause. Ours: a `kill` from outside, or
-the kernel's when memory is short, sometimes hits an innocent task; a crash inside a library recurs every time."""
+by the kernel when memory is short, sometimes hits an innocent task, whereas a crash inside a library recurs every time.
+"""
 BATCH = 8
-"""Maximum number of tasks sent to a process at once. Ours: sending takes 0.2 ms, which eight tasks outweigh; with more,
-other workers would be idle at the end."""
+"""Maximum number of tasks sent to a process at once. Ours: sending takes 0.2 ms, which is little compared with eight
+tasks; if more were sent, other workers would be idle at the end.
+"""
 _TICK_S = 0.1
 """Interval at which deadlines and memory are checked, s. Ours: a process can allocate about 200 MB in that time."""
 _OUTSIDE = ": sent from outside, as by `kill`, or by the system when memory runs out, so it does not count as a crash"
 _STARTS = 5
-"""Number of processes in a row that may die before they begin a task. Ours: one may be hit by a kill, five mean that no
-process can start."""
+"""Number of processes in a row that may die before they begin a task. Ours: one process may be hit by a kill; if five
+die, no process can start.
+"""
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,7 @@ class Texts:
         return cls(mutant.name, text, clip.name, clip_text, parent)
 
     def write(self, folder: Path) -> tuple[Path, Path]:
-        """Write both into a folder; return their files, the mutant's first."""
+        """Write the mutant and the clip into a folder; return their files, the mutant's first."""
         mutant, clip = folder / f"{self.mutant}.foresee", folder / f"{self.clip}.foresee"
         above, case = relative_path(self.parent.source, folder), self.parent.id.partition("::")[2]
         write_whole(clip, with_header(self.clip_text, "clip", self.clip, above, case))

@@ -32,9 +32,13 @@ from foresee_dsl.language.sampling.draws import values_of
 SEEDS = 20
 """Number of sensor seeds: the share is then known within 0.22 (half the width of its 95 % interval at one half)."""
 SIDE = 9
-"""Values along each side of the map. Ours: four between the unmutated value and the failing one, as many beyond it."""
+"""Number of values along each side of the map. Ours: the failing value in the middle, four values from the unmutated
+one up to it, and as many beyond it.
+"""
 DRAWN = 5
-"""Cases that are drawn inside the failing region. Ours: 5 of 5 say that at least 55 % fail, with 95 % confidence."""
+"""Number of cases that are drawn inside the failing region. Ours: if 5 of 5 fail, at least 55 % of all cases in the
+region fail, with 95 % confidence.
+"""
 _FARTHEST = 64
 """Beyond the failing value, a passing value is looked for up to this distance, in steps of the grid. Ours: for a timing
 these are 0.64, more than any operator changes, and seven runs reach it.

@@ -146,7 +146,9 @@ class Clock:
         return measurement
 
     def _share_out(self) -> None:
-        """Divide the CPU time since the last reading among the parts; computing this counts for the profile itself."""
+        """Divide the CPU time since the last reading among the parts; the time that this takes counts for the profile
+        itself.
+        """
         cpu = time.process_time_ns()
         spent, self._cpu_read = cpu - self._cpu_read, cpu
         driver, opened = Part.DRIVER.number, self._open

@@ -38,8 +38,9 @@ MEASURES: Mapping[str, Measure] = {
     "pet_s": Measure("post-encroachment time", "s", 2.0, 0.2),
     "drac_mps2": Measure("braking needed", "m/s^2", 3.0, 0.5, 1),
 }
-"""Ours. Near: conflict studies call times under 1.5 s to 3 s serious, and 3 m/s^2 is harsh braking. The steps are
-several times the effect of a decision that is 0.1 s later."""
+"""The measures. Their limits are ours: conflict studies call times below 1.5 s to 3 s serious, and 3 m/s^2 is harsh
+braking. Each smallest reported change is several times the effect of a decision that is 0.1 s later.
+"""
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ class Row:
         label: `all`, a family, or a kind. kind: whether the row is that of a kind of failure. pairs: test cases on both
             sides.
         new_failures, fixed: pairs that fail only on the new side, or only on the base side.
-        p: probability that chance splits these at least as unevenly, two-sided.
+        p: two-sided probability that chance alone splits these pairs at least as unevenly.
     """
 
     label: str

@@ -35,10 +35,10 @@ class Standing:
     """How the findings of a campaign compare with those of the previous one, and what people decided about them.
 
     Attributes:
-        since: for each story, whether it is new; empty if there is no previous campaign. gone: findings of the previous
-          campaign whose test cases ran again without that story. decisions: the decisions about stories that were
-          triaged, by story. unmatched: decisions about this driver and these families whose stories the campaign does
-          not have. file: the file of the decisions.
+        since: for each story, whether it is new or still there; empty if there is no previous campaign. gone: findings
+          of the previous campaign whose test cases ran again without that story. decisions: the decisions about stories
+          that were triaged, by story. unmatched: decisions about this driver and these families whose stories the
+          campaign does not have. file: the file of the decisions.
     """
 
     since: Mapping[str, Since] = field(default_factory=dict)

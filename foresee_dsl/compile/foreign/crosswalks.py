@@ -25,7 +25,7 @@ _SAME_ANGLE_RAD = math.radians(30)
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0
 """Range to which widths of crosswalks are limited, m (ours)."""
 _LENGTH_M, _WIDTH_M = 14.0, 2.5
-"""Size of a crosswalk without an outline, m (ours: those of CARLA's towns, over four lanes)."""
+"""Size of a crosswalk without an outline, m (ours: the size of the crosswalks over four lanes in CARLA's towns)."""
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,13 @@ netconvert 1.28 turns around a corner of two streets within 1.6 m, for which ano
 _LEAST_LANE_M = 2.0
 """Smallest length of a shortened lane, m (ours)."""
 _PULLS = (0.35, 0.5, 0.25, 0.65)
-"""Distances of the control points of a Bezier curve from its ends, as shares of the distance of the ends; 0.35 is
-nearest to an arc over a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
+"""Distances of the control points of a Bezier curve from its ends, as shares of the distance of the ends; 0.35 comes
+nearest to an arc: a quarter of a circle has 0.39, and smaller turns have less (ours).
+"""
 _SMOOTH_RAD = math.radians(54)
-"""Largest turn within 2 m of a repaired line, rad: less than a kink, by the amount that rounding to 1 cm may add
-(ours)."""
+"""Largest turn within 2 m of a repaired line, rad. It is smaller than a kink by the amount that rounding to 1 cm may
+add (ours).
+"""
 _CURVE_POINTS = 12
 _MOST_CORNERS = 50
 """Maximum number of corners that are rounded in a lane (ours: a hairpin road in the Alps has some 30)."""

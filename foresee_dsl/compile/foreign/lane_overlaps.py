@@ -14,7 +14,8 @@ from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, 
 _LEAST_M = 0.1
 """Length below which an overlap is attributed to rounding, m (ours; netconvert rounds to 1 cm)."""
 _BACK_RAD = math.radians(100)
-"""A turn from one lane to the next by more than this is a reversal, rad (ours: a corner of a town has 90 degrees)."""
+"""A turn from one lane to the next by more than this is a reversal, rad (ours: a usual street corner has 90 degrees).
+"""
 _STUB_M = 0.2
 """Length to which a lane wholly within the overlap is cut, m (ours: SUMO's shortest lanes in CARLA's towns have
 0.13 m)."""

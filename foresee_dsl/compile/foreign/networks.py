@@ -130,8 +130,9 @@ _LARGEST_M = 1e8
 millimetres."""
 
 _LONGEST_M = 1e5
-"""Largest length of a lane, m. Ours: the longest lanes of motorways have some 20 km; a misplaced node in another
-country would make millions of points."""
+"""Largest length of a lane, m. Ours: the longest lanes of motorways are some 20 km long; a node that was placed in
+another country by mistake would make millions of points.
+"""
 
 SUFFIXES = (".net.xml", ".xodr")
 """Suffixes of the accepted files."""

@@ -13,8 +13,9 @@ from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError, ForeseeError
 
 _SPIRAL_STEP_M = 0.25
-"""Step of the integral over a clothoid, m (ours: Simpson's rule, error below a micrometre at a curvature of 0.1
-1/m)."""
+"""Step of the integral over a clothoid, m (ours: at a curvature of 0.1 1/m, the error of Simpson's rule is then below a
+micrometre).
+"""
 
 _LARGEST = 1e12
 """Largest accepted number in a map (ours: far beyond any coordinate, and its cube is still finite)."""

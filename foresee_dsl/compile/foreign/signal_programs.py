@@ -24,7 +24,9 @@ GREEN_S = 20.0
 _FIXED = ("static", "rail_signal", "rail_crossing")
 """SUMO's types of programs that do not react to road traffic."""
 OPPOSITE_RAD = math.radians(135)
-"""Approaches whose directions differ by at least this share a stage, rad (ours: within 45 degrees of opposite)."""
+"""Two approaches whose directions differ by at least this share a stage, rad (ours: they are within 45 degrees of
+opposite).
+"""
 _COMPASS = ("n", "ne", "e", "se", "s", "sw", "w", "nw")
 _ORDER = ("n", "s", "e", "w", "ne", "sw", "nw", "se")
 """Order of directions in a stage's name: `ns_go`, `ew_go`."""

@@ -18,19 +18,25 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 MOST_ELEMENTS = 2_000_000
-"""Maximum number of elements. Ours: an element takes some 300 bytes, together about 600 MB; an extract of 100 MB has
-some 1.5 million elements."""
+"""Maximum number of elements. Ours: an element takes some 300 bytes, so all elements take about 600 MB; an extract of
+100 MB has some 1.5 million elements.
+"""
 MOST_ATTRIBUTES = 10_000_000
-"""Maximum number of attributes. Ours: an attribute takes some 85 bytes, together about 850 MB; an extract of 100 MB has
-some 6 million attributes."""
+"""Maximum number of attributes. Ours: an attribute takes some 85 bytes, so all attributes take about 850 MB; an extract
+of 100 MB has some 6 million attributes.
+"""
 LONGEST_BYTES = 4_000_000
 """Maximum size of one tag, text or comment, bytes. Ours: the longest tag in the nets of three cities has 4.4 kB. Expat
 2.5 reads such a piece again from its beginning for each block of the file: 50 MB took 90 s."""
 _GZIP = b"\x1f\x8b"
 _BLOCK_BYTES = 1 << 16
-"""Size of a block, bytes. Ours: long pieces take half the time that they take with blocks of 16 kB, others the same."""
+"""Size of a block, bytes. Ours: parsing long pieces takes half the time that it takes with blocks of 16 kB, and parsing
+others takes the same time.
+"""
 DEEPEST = 100
-"""Maximum depth of nested elements. Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OpenStreetMap 3."""
+"""Maximum depth of nested elements. Ours: elements are nested about 25 deep in OpenSCENARIO, 10 deep in OpenDRIVE and 3
+deep in OpenStreetMap.
+"""
 _FILE_IN_PROJECTION = re.compile(
     r"(?:\binit|grids|\bfile|\bcatalog)\s*=[^\s+]*[/\\]|PARAMETERFILE\[[^\]]*[/\\]", re.IGNORECASE
 )

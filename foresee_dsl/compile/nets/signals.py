@@ -24,7 +24,9 @@ ALL_RED_S = 2.0
 junction of 15 to 17 m."""
 PEDESTRIAN_CLEARANCE_S = 5.0
 """Time before the end of green in which pedestrians already have red, s (at most half of the stage). Ours, and SUMO's
-default for --tls.crossing-clearance.time: with amber and all-red it makes 10 s, enough for 12 m at 1.2 m/s."""
+default for --tls.crossing-clearance.time: together with amber and all-red, pedestrians have 10 s to leave the road,
+enough for 12 m at 1.2 m/s.
+"""
 
 NAMED_STAGES = "foresee.stages"
 """Key of the `param` that marks our programs in foreign nets; the names of their phases are the names of stages."""

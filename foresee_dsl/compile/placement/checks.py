@@ -29,9 +29,11 @@ NEAR_ROAD_M = 30.0
 GOAL_OFF_M = 5.0
 """A goal that is farther than this from the ego's centreline is on another road, m (ours: more than a lane's width)."""
 _MOST_NAMED = 20
-"""Maximum number of reported problems of a kind (ours: a screen; 500 actors in one place make 124,750 pairs)."""
+"""Maximum number of reported problems of a kind (ours: they fill a screen; without a limit, 500 actors in one place
+would make 124,750 problems).
+"""
 _MOST_COUNTED = 10_000
-"""Maximum number of further overlapping pairs that are counted (ours: it takes 0.2 s)."""
+"""Maximum number of further overlapping pairs that are counted (ours: counting them takes 0.2 s)."""
 _TOUCH_M2 = 1e-4
 """Largest overlap of two footprints that is attributed to rounding, m^2 (ours: 1 cm^2)."""
 

@@ -66,7 +66,9 @@ def shifted(path: Points, along_m: float, left_m: float) -> Points:
 
 
 def _beside(path: Points, marks: tuple[float, ...], mark: float, left_m: float) -> XY:
-    """Return the point beside a position along a path; at a corner, where the offset lines of both sides meet."""
+    """Return the point beside a position along a path; at a corner, the point at which the offset lines of both sides
+    meet.
+    """
     x = interpolate(mark, marks, [p[0] for p in path])
     y = interpolate(mark, marks, [p[1] for p in path])
     sides = [(a, b) for (a, b), (s, t) in zip(pairwise(path), pairwise(marks), strict=True) if s <= mark <= t and s < t]

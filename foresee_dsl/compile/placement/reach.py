@@ -15,8 +15,9 @@ from foresee_dsl.language.project.document import Problem
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 BESIDE_M = {"ego": 30.0, "sumo": 30.0, "path": 1.0, "static": 0.0}
-"""Largest distance of an actor from the middle of its way, m, by its control. Ours: for `ego` and `sumo` eight lanes,
-for `path` rounding, for `static` none."""
+"""Largest distance of an actor from the middle of its way, m, by its control. Ours: for `ego` and `sumo` the width of
+eight lanes, for `path` more than rounding errors; a `static` actor does not move.
+"""
 
 
 def never_near(

@@ -45,7 +45,9 @@ its path, and it starts at that position, m. Ours: a clip rounds to 1 mm.
 """
 _BEYOND_WEIGHT = 30.0
 """Cost per metre beyond a lane's end, where 1 rad of heading costs 1: a vehicle beyond the end is on the next lane,
-even if it has not turned yet. Ours: internal lanes begin with a corner of up to 0.3 rad, which 1 cm outweighs."""
+even if it has not turned yet. Ours: internal lanes begin with a corner of up to 0.3 rad, and 1 cm beyond the end costs
+as much.
+"""
 _SHORTEST_M = 0.1
 """Length below which a path has no direction, m (ours)."""
 _SLACK_M = 1e-3

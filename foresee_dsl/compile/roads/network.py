@@ -32,8 +32,9 @@ SAME_DIRECTION_RAD = math.radians(60)
 """Largest difference between a vehicle's heading and the direction of the lane that it is on, rad (measured on CARLA's
 towns: with 60 degrees all 612 waypoints find their lane)."""
 _HEADING_WEIGHT_M = 1.0
-"""Cost of 1 rad difference in direction, m: inside junctions, where lanes overlap, it counts like 1 m sideways
-(ours)."""
+"""Cost of 1 rad difference in direction, m: inside junctions, where lanes overlap, a difference of 1 rad counts like 1
+m sideways (ours).
+"""
 CLOSE_GAPS_M = 0.3
 """Half of the widest gap between lanes that counts as road, m (ours: roundings and corners of maps; medians are
 wider)."""

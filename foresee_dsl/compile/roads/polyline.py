@@ -52,7 +52,7 @@ _ROUNDING_M = 1e-6
 """Margin of the bound, m, so that rounding errors cannot skip the nearest segment."""
 _NARROW_WINDOW_M, _ON_LINE_M = 2.0, 0.5
 """Length of the line that is searched before and after the hint, if the point is within `_ON_LINE_M` of the line, m.
-Ours: two steps of a vehicle at 70 km/h; lines turn with a radius of at least 3 m."""
+Ours: a vehicle at 70 km/h drives about 2 m in two steps, and lines turn with a radius of at least 3 m."""
 
 
 def as_array(field: str) -> cached_property[FloatArray]:

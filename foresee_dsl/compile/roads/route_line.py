@@ -20,8 +20,10 @@ CHANGE_AFTER_M = 10.0
 """Length after the beginning of its edge at which a lane change begins, m (ours: clear of the junction, and early, as
 driving schools teach)."""
 CHANGE_TIME_S = 3.0
-"""Duration of a lane change at the speed limit, s, if the edge is long enough. Ours: with a cosine blend over 3.5 m the
-lateral acceleration is 1.9 m/s^2, which is comfortable; over 20 m at 50 km/h it would be 8 m/s^2."""
+"""Duration of a lane change at the speed limit, s, if the edge is long enough. Ours: with a cosine blend over 3.5 m
+sideways, the lateral acceleration is 1.9 m/s^2, which is comfortable; if the change took only 20 m at 50 km/h, it would
+be 8 m/s^2.
+"""
 CHANGE_MIN_M = 20.0
 """Smallest length of a lane change, m (ours: five car lengths, for low limits and short edges)."""
 

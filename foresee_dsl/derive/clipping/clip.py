@@ -31,8 +31,9 @@ decimals, the driver decides differently in 5 of them (and is up to 0.64 m away 
 within 1 cm of the run; with 6, there is no deviation.
 """
 RECORDED_EVERY_S = 0.05
-"""Time between the ego's recorded states of a hand-over, s: each frame. Ours: with every second frame the ego is
-millimetres off in between."""
+"""Time between the ego's recorded states of a hand-over, s: one frame. Ours: if only every second frame were recorded,
+the ego would be off by millimetres in between.
+"""
 PLANS_EVERY_S = 0.2
 """A clip with a hand-over begins at a time of the run that is a multiple of this, s. Ours: a driver that plans 5 or 10
 times a second then plans at the same moments as in the run."""
@@ -261,8 +262,8 @@ class _Beginning:
         return (m.EdgeRoute(edges=route),) if route else ()
 
     def _cruise(self, info: ActorInfo, orders: ActorOrders) -> m.Value | None:
-        """Return an actor's cruise speed: as a trigger last set it, or else as its author wrote it, or else as in the
-        trace.
+        """Return an actor's cruise speed: as a trigger last set it; if none did, as the author wrote it; if the author
+        did not, as in the trace.
         """
         if orders.cruise is not None:
             return orders.cruise

@@ -27,8 +27,9 @@ STEPS: Mapping[str, Decimal] = MappingProxyType(
 )
 """Step between the values of each property, as its operator draws them, in the property's unit."""
 NEIGHBOURS = 3
-"""Number of larger values next to a boundary that must fail as well. Ours: a boundary whose next three hundredths fail
-is not chance; more runs seldom find another region."""
+"""Number of values next to a boundary, on the failing side, that must fail as well. Ours: if the next three hundredths
+fail too, the boundary is not due to chance; more runs seldom find another region.
+"""
 _STEP = Decimal("0.01")
 """Step of all other properties. Ours: generated files write two decimals."""
 

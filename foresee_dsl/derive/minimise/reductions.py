@@ -28,8 +28,9 @@ AFTER_S = 1.0
 """Shortest time from the contact to the clip's end, s. Ours: a failing run ends with the contact; a passing one needs
 this time to pass."""
 _STARTS_EVERY_S = 0.5
-"""Time between the beginnings that are tried, s. Ours: ten in the 5 s before a risky point, so bisection needs four
-runs."""
+"""Time between the beginnings that are tried, s. Ours: in the 5 s before a risky point there are ten beginnings, among
+which bisection needs four runs.
+"""
 _RESERVE = 31
 """Number of runs that are kept for the reductions that follow the removal of actors. Ours: 7 for a number, 3 for its
 neighbours, 12 to shorten, 4 for signals and triggers, 5 for the boundary.

@@ -34,7 +34,7 @@ _BY_PROPERTY = {operator.property: operator for operator in _OURS}
 
 
 def operators() -> dict[str, Operator]:
-    """Return all operators by name, ours and those of installed packages; ours, if two have the same name."""
+    """Return all operators by name, ours and those of installed packages. If two have the same name, it is ours."""
     return {**_added(tuple(sys.path)), **{o.name: o for o in _OURS}}
 
 

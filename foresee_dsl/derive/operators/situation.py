@@ -105,7 +105,7 @@ class Situation:
     def present_value(self, actor: str, name: str) -> Quantity | None:
         """Return the value of an actor's numeric property (`language.model.derived.PROPERTIES`).
 
-        It is the value that the clip states, or else the default; None for a property without either.
+        It is the value that the clip states; if it states none, the default; None if there is no default either.
         """
         definition = PROPERTIES[name]
         if definition.statement is None or definition.dimension is None:

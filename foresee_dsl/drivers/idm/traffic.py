@@ -22,8 +22,9 @@ from foresee_dsl.kernels.pdm.route import stops_before
 ACCELERATION_MPS2 = 1.0
 """Acceleration of the model, m/s^2; the package's docstring has its source."""
 CORRIDOR_MARGIN_M = 0.3
-"""An actor within this distance of the ego's side is in its corridor, m. Ours: a lane of 3.3 m has 0.7 m beside a
-car."""
+"""An actor within this distance of the ego's side is in its corridor, m. Ours: a car in a lane of 3.3 m has 0.7 m of
+free width on either side.
+"""
 TOUCH_MARGIN_M = 0.15
 """Lateral margin between the footprints for the time to collision, m. Ours: smaller than `CORRIDOR_MARGIN_M`, as a
 false alarm causes full braking."""

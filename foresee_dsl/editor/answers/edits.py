@@ -264,7 +264,7 @@ class _Place:
         yield self.fix("Begin each line with `#`", self.start, end, text)
 
     def otherwise(self) -> Iterator[Fix]:
-        """Yield the edit that turns an `else` into a trigger with the opposite of the condition before."""
+        """Yield the edit that turns an `else` into a trigger with the opposite of the preceding condition."""
         around = self._around()
         beside = (around[-2].block or []) if len(around) > 1 else self._statements
         k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
