@@ -58,7 +58,7 @@ class FindingEntry:
     rate: str = ""
     """How many runs fail if the driver is not deterministic: `7/10`."""
     since: Since = Since.FIRST
-    """Whether the previous campaign found it too."""
+    """Whether the previous campaign had this finding, too."""
     triage: Decision | None = None
     """The decision that people recorded about it with `foresee triage`; None without one."""
 

@@ -49,7 +49,9 @@ def ttc(a: Mover, b: Mover) -> float:
 
 
 def eta(distance_m: float, speed_mps: float) -> float:
-    """Return the time (s) to a place `distance_m` ahead at this speed, not under 1 m/s; infinity once it is behind."""
+    """Return the time (s) to a place `distance_m` ahead at this speed, which counts as at least 1 m/s; infinity if the
+    place is behind.
+    """
     return distance_m / max(speed_mps, SLOWEST_MPS) if distance_m >= 0 else inf
 
 

@@ -39,8 +39,9 @@ STUCK_AFTER_S = 20.0
 way in the bundled scenarios. Time at a red signal or behind traffic does not count."""
 
 WHEEL_INSET_M = 0.3
-"""Distance of a tyre's inner edge from the vehicle's side, m; the ego is off the road when this edge is. Ours: a tyre
-is 0.2 m wide and up to 0.1 m inside the body, so brushing a kerb is not a failure; a whole wheel on the pavement is."""
+"""Distance of a tyre's inner edge from the vehicle's side, m; the ego is off the road when this edge of a tyre is off
+the road. Ours: a tyre is 0.2 m wide and up to 0.1 m inside the body, so brushing a kerb is not a failure; a whole wheel
+on the pavement is."""
 
 FACING_RAD = pi / 4
 """Half the angle of the sector that counts as front, side or rear, rad. Ours: four equal sectors."""

@@ -86,7 +86,7 @@ def is_free(situation: RoadSituation, behaviour: Behaviour, prediction: Records,
 
 
 def _cost(situation: RoadSituation, behaviour: Behaviour, candidates: Candidates, last: Plan | None) -> FloatArray:
-    """Return the cost of each candidate without nearness to others, infinite if it is not allowed, [P]."""
+    """Return the cost of each candidate, [P], without the cost of nearness to others; infinite if it is not allowed."""
     vehicle, route = situation.vehicle, situation.route
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
     speed = candidates.speed

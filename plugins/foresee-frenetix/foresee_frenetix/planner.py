@@ -33,7 +33,7 @@ READ_OUT = 4
 APART_M = 0.3
 """The current offset is sampled too if it is at least this far from all other offsets, m. Ours."""
 LEAST_S = 0.6
-"""Shortest rest of a manoeuvre that is sampled, s. Ours: three frames of a plan."""
+"""The rest of a manoeuvre is sampled only if it lasts at least this long, s. Ours: three frames of a plan."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 Outputs = NDArray[np.float32]
 
 INPUTS = ("birds_eye", "forward", "vector")
-"""Names of the inputs, which are uint8 [1, 20, 128, 128], uint8 [1, 13, 64, 160] and float32 [1, 10]."""
+"""Names of the inputs; their types and shapes are uint8 [1, 20, 128, 128], uint8 [1, 13, 64, 160] and float32
+[1, 10]."""
 
 FUSION_OUTPUTS = ("waypoints", "target_speed")
 FUSION_TIMES_S = tuple(0.25 * k for k in range(1, 9))
@@ -45,11 +46,10 @@ DENSITY_CHANNELS = (
 """Channels of `density`. occupied: probability that the middle of a road user is in the square; ahead_m, left_m: that
 middle relative to the square's middle; the heading is relative to the ego's; speed_mps: speed over ground."""
 STOP_LINE_M = 30.0
-"""Reach of the output `stop_line` [1, 1], m: the probability that the ego must stop for a stop line at most this far
-ahead."""
+"""The output `stop_line` [1, 1] is the probability that the ego must stop for a stop line at most this far ahead, m."""
 SIGNALS = ("red", "amber", "green", "other")
-"""States of the output `signal` [1, 4]: the probabilities of the state of the route's next signal; other: off, not
-seen, or none."""
+"""States of the route's next signal; the output `signal` [1, 4] has the probability of each. `other`: the signal is off
+or not seen, or there is no signal."""
 
 
 @dataclass(frozen=True, slots=True)

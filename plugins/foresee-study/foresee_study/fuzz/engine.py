@@ -183,7 +183,7 @@ class _Fuzzing:
         self._ends_s = math.inf if budget_s is None else started_s + budget_s
 
     def until_done(self) -> bool:
-        """Run all missing mutations; return whether it was stopped before the end."""
+        """Run all missing mutations; return whether the fuzzing run was stopped before its end."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1 AND kind = ?", (KIND,))
         for listener in self._listeners:

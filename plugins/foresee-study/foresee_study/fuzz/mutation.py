@@ -130,7 +130,7 @@ class Mutator:
         return Mutated((*self._lines, m.Add(item=actor)), f"adds {self._description(actor, manner)}")
 
     def _moved(self, line: Line, old: m.Actor) -> Mutated | None:
-        """Return the parent with an added actor at another place; the actor's kind of motion stays."""
+        """Return the parent with an actor that was added earlier at another place; the actor's kind of motion stays."""
         manner: Manner = "immobile"
         if any(isinstance(item, m.EdgeRoute) for item in old.body):
             manner = "autonomous"

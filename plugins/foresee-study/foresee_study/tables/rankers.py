@@ -59,7 +59,7 @@ def _kinds(results: Results, driver: str, family: str, rankers: tuple[str, ...])
 
 
 def _by_family(results: Results) -> Table:
-    """Return the table of findings and avoidable findings, in which the paper counts collisions."""
+    """Return the table of findings and avoidable findings by family; the paper's table counts collisions instead."""
     rankers = shown_rankers(results)
     columns = tuple(Column(what.value, (ranker,)) for ranker in rankers for what in Counted)
     rows: list[Row] = []
