@@ -28,8 +28,9 @@ from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0
-"""Braking harder than this is an event: the initial threshold of harsh braking in the naturalistic driving study UDRIVE
-(Jansen and Wesseling, Harsh braking by truck drivers, 6th Humanist Conference, 2018)."""
+"""Braking harder than this is counted, m/s^2: the initial threshold of harsh braking in the naturalistic driving study
+UDRIVE (Jansen and Wesseling, Harsh braking by truck drivers, 6th Humanist Conference, 2018).
+"""
 APART_S = 0.5
 """Two brakings with less time than this between them count as one braking, s. Ours: half a second is a reaction time.
 """
@@ -94,7 +95,7 @@ class DriverRun:
 
 @dataclass(frozen=True)
 class DriverRow:
-    """The figures of one driver, for one family or for all; shares are shares of the number of cases."""
+    """The figures of one driver, for one family or for all; all shares refer to the number of cases."""
 
     driver: str
     family: str

@@ -23,7 +23,7 @@ from foresee_dsl.documents import or_null, rounded
 class StagePlan:
     """All steps of one class: those in the store, the missing ones, and the maximum number that may follow from these.
 
-    `each_s`: wall time of one step; `measured`: it is the mean of the stored ones.
+    `each_s`: wall time of one step, s. `measured`: whether this is the mean of the stored steps.
     """
 
     step: type[AnyStep]

@@ -252,8 +252,9 @@ class ChildOutcome(Judged):
 class ClipOutcome:
     """The run of one clip without mutation, and its mutants.
 
-    `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median over the other actors.
-    `within`: share of the other actors that stayed within 0.1 m of their places in that run. `others_m`: largest
+    `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median of the largest deviations of
+    the other actors. `within`: share of the other actors that stayed within 0.1 m of their places in that run.
+    `others_m`: largest
         deviation of each other actor. `ego_m`: the deviation of the ego.
     """
 

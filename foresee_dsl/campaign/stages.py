@@ -58,7 +58,7 @@ STEPS = _steps()
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
 """The classes of steps that follow from each kind of step."""
 FAILED = frozenset(verdict.value for verdict in FAILURES)
-"""The verdicts that count as failures, as rows of the store contain them."""
+"""The verdicts that count as failures, in the form in which rows of the store contain them."""
 
 
 def _next(node: StepNode, row: Row) -> Iterator[type[AnyStep]]:

@@ -19,7 +19,9 @@ from foresee_dsl.kernels.constants import STEP_S
 GHOST = "ghost"
 """Vehicle type of the stand-ins for actors that SUMO does not drive."""
 GHOST_SIZE_M = 0.5
-"""Length and width of a stand-in, m. Ours: about a pedestrian's shoulders; traffic reacts to it as to any vehicle."""
+"""Length and width of a stand-in, m. Ours: about the width of a pedestrian's shoulders. Traffic reacts to a stand-in as
+to any vehicle.
+"""
 
 _CLASSES: Mapping[ActorKind, str] = MappingProxyType(
     {

@@ -146,7 +146,8 @@ class Mutator:
     ) -> Mutant | None:
         """Return the mutant of a draw; None if all its changes were `seen`.
 
-        `near`: a child of the same plan; the new child has its changes, varied a little (`derive.local_search`).
+        `near`: a child of the same plan; the new child has the changes of this one, varied a little
+        (`derive.local_search`).
         """
         drawn = self._near(draw, near, seed, seen) if near is not None else self._drawn(draw, seed, seen)
         if drawn is None:

@@ -190,7 +190,7 @@ FOCUSED = Preset(
         least_speed_mps=2.0,
     ),
 )
-"""Ours, the default: the ranked actor, one second before the risky point."""
+"""Ours, the default: it changes the ranked actor, one second before the risky point."""
 
 AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
 """Ours: first changes that hit the recorded ego and that a careful driver could have avoided, then changes as in

@@ -1,7 +1,7 @@
 """The driver protocol: a driver's mission, its observation at each step, and its answer.
 
-Coordinates are SUMO's: x east, y north, metres; headings counter-clockwise from east, radians; speeds m/s. Positions
-are the centre of the footprint unless stated otherwise.
+Coordinates are SUMO's: x points east and y north, in metres; headings are counter-clockwise from east, in radians;
+speeds are in m/s. Positions are the centre of the footprint unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Foe:
         path: [N, 2] centreline of the other movement through the junction, with 60 m of its approach in front of it.
         entry_s: length along `path` where it enters the junction.
         conflict_s: first and last length along the EGO's route at which the other movement overlaps it.
-        conflict_path_s: the same along `path`.
+        conflict_path_s: first and last length along `path` at which it overlaps the ego's route.
         has_priority: whether the ego must yield to it while both may go (permissive left, minor road, crossing
             pedestrians).
         pedestrian: whether it is a pedestrian crossing.
@@ -89,7 +89,7 @@ class Mission:
 
     Attributes:
         centreline: [N, 2] the lane centres to follow, at most 1 m apart, from behind the start to beyond the goal.
-        s: [N] length along the centreline. speed_limit_mps: [N].
+        s: [N] length along the centreline, m. speed_limit_mps: [N] speed limit at each point.
         left_m, right_m: [N] free width on both sides of the centreline within lanes of the ego's direction.
         start_s, goal_s: lengths of start and goal along the centreline.
     """

@@ -178,7 +178,9 @@ def serve_streams(reader: BinaryIO, writer: BinaryIO) -> Literal[0, 1]:
 
 
 def serve_port(host: str, port: int, listens: Callable[[], None]) -> Literal[0, 1]:
-    """Serve the first client that connects to a port, until it leaves; `listens` is called once it can."""
+    """Serve the first client that connects to a port, until it leaves; `listens` is called as soon as a client can
+    connect.
+    """
     import socket
 
     with socket.create_server((host, port)) as listening:

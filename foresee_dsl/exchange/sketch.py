@@ -27,7 +27,9 @@ _CONTROLS = ("signals", "priority", "right_before_left", "stop", "roundabout")
 _GREEN_S = 25
 """Green time of a stage, s (ours: as in the project of `foresee init`)."""
 _OPPOSITE_RAD = math.radians(45)
-"""Two streets that leave a node within this angle of a straight line share their green (ours)."""
+"""Two streets at a node share their green if the angle between them differs from a straight line by at most this, rad
+(ours).
+"""
 _RADIUS_M = 18
 _SIDEWALK_M = "2"
 _NUMBERS: Mapping[str, str] = {

@@ -189,7 +189,7 @@ class DriveAhead(Replay):
     def _signal(self, observation: Observation) -> float:
         """Return the acceleration that stops the ego at a signal that is not green, m/s^2.
 
-        Infinite if it need not stop.
+        The acceleration is infinite if the ego need not stop.
         """
         state, speed = self._state, self._state.speed
         line = self._mission.centreline

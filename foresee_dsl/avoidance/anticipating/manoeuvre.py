@@ -97,7 +97,7 @@ class Manoeuvre(Replay):
 def steered(bicycle: Bicycle, way: Way, along_m: float, s: BicycleState, wanted: tuple[float, float, float]) -> float:
     """Return the angle of the front wheels that follows a line beside a path, rad.
 
-    `wanted`: lateral offset of the line, m, and its two derivatives.
+    `wanted`: lateral offset of the line, m, and its first and second derivatives.
     """
     x, y, heading = way.at(np.array([along_m]))[0].tolist()
     dx, dy = s.x - x, s.y - y

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 
 COMFORTABLE_MPS2 = 3.4
-"""Comfortable braking of most drivers, also on wet roads: AASHTO, A Policy on Geometric Design of Highways and Streets,
-stopping sight distance. It is tried first; other drivers who must wait are also expected to brake with it."""
+"""Comfortable braking of most drivers, also on wet roads, m/s^2: AASHTO, A Policy on Geometric Design of Highways and
+Streets, stopping sight distance. It is tried first; other drivers who must wait are also expected to brake with it.
+"""
 FIRM_MPS2 = 5.0
-"""Firm braking, tried second: R157 calls more than this an emergency manoeuvre."""
+"""Firm braking, which is tried second, m/s^2: R157 calls harder braking an emergency manoeuvre."""
 BUILDS_UP_S = 0.6
-"""Braking of any strength builds up in this time: R157, Annex 4, appendix 3 (0.774 g after 0.6 s)."""
+"""Time in which braking of any strength builds up, s: R157, Annex 4, appendix 3 (0.774 g after 0.6 s)."""
 EASES_MPS2 = 2.0
 """Braking of an anticipating driver for hazards, m/s^2. Ours: the braking of the Intelligent Driver Model for towns
 is 1.5 to 2 m/s^2 (Treiber and Kesting, Traffic Flow Dynamics, table 11.2). It is that of lifting the foot from the
@@ -51,8 +52,8 @@ WALKER_HASTENS_MPS = 0.5
 and walking (`RUNNING_MPS`, `WALKING_MPS`).
 """
 CROSSES_RAD = math.radians(45)
-"""Angle to the ego's heading above which a vehicle is crossing or oncoming, and is expected to wait if it can do so by
-comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model.
+"""A vehicle whose heading differs from the ego's by more than this, rad, is crossing or oncoming, and is expected to
+wait if it can do so by comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model.
 """
 GAP_S = 0.5
 """Two road users are in conflict if less time than this lies between them at one place, s. Ours: post-encroachment
@@ -63,9 +64,13 @@ FORGETS_S = 1.0
 """
 
 WALKING_MPS = 1.39
-"""5 km/h: Euro NCAP, AEB VRU protocol, walking adult and obstructed child."""
+"""Speed of a person who walks, m/s: 5 km/h, that of the walking adult and the obstructed child in Euro NCAP's AEB VRU
+protocol.
+"""
 RUNNING_MPS = 2.22
-"""8 km/h: Euro NCAP, AEB VRU protocol, running adult; here a person who gets off or catches a bus."""
+"""Speed of a person who runs, here one who gets off or catches a bus, m/s: 8 km/h, that of the running adult in Euro
+NCAP's AEB VRU protocol.
+"""
 BESIDE_M = 3.0
 """A stopped vehicle that is nearer than this to the ego's side may hide a walker, m. Ours: a lane's width."""
 HIDES_M = 1.2
@@ -101,8 +106,8 @@ HARDEST_MPS2 = 7.0
 tenth, for the build-up."""
 
 TURNING_RAD = math.radians(20)
-"""Turn of the ego within the predicted time above which the driver also considers others that are beside it or come
-from behind. Ours: 20 degrees, as `CROSSING_RAD` of the near misses.
+"""If the ego turns by more than this within the predicted time, rad, the driver also considers others that are beside
+it or come from behind. Ours: 20 degrees, as `CROSSING_RAD` of the near misses.
 """
 
 NEARLY_STANDS_MPS = 0.3

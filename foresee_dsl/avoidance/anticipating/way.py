@@ -62,7 +62,9 @@ class Way(RecordedPath):
         self._steer = np.r_[self._steer, np.arctan(wheelbase_m * curvature)]
 
     def along_at(self, time_s: float) -> float:
-        """Return the distance that the recorded ego had driven at a time, m; extrapolated with its last speed."""
+        """Return the distance that the recorded ego had driven at a time, m; after the end of the run, it goes on with
+        its last speed.
+        """
         frame = time_s / STEP_S
         beyond_s = max(time_s - (len(self.along) - 1) * STEP_S, 0.0)
         return float(np.interp(frame, np.arange(len(self.along)), self.along) + beyond_s * self.recorded_mps[-1])

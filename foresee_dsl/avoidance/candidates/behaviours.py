@@ -22,7 +22,9 @@ from foresee_dsl.kernels.what_if import WhatIf
 from foresee_dsl.simulate.trace import SPEED, STEP_S, YAW_RATE, ActorInfo
 
 _ALONG_RAD = math.radians(45)
-"""Largest difference between the headings of two vehicles in the same direction (as `operators.model_swap`)."""
+"""Two vehicles drive in the same direction if their headings differ by at most this, rad (as in
+`operators.model_swap`).
+"""
 
 
 class Kind(StrEnum):

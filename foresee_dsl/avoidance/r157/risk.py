@@ -144,7 +144,8 @@ def moved_on(
 ) -> FloatArray:
     """Return the boxes [N, 5] at some times of an actor that brakes evenly along an arc; the sizes are not filled in.
 
-    `pose`: x, y, heading. `course`: the direction of motion. `turns_per_m`: rad per metre.
+    `pose`: x and y, m, and heading, rad. `course`: the direction of motion, rad. `turns_per_m`: change of direction,
+    rad per metre.
     """
     rolls = np.minimum(time_s, speed / brakes) if brakes > 0 else time_s
     moved = speed * rolls - brakes * rolls**2 / 2

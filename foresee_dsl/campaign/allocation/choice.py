@@ -28,8 +28,9 @@ AGAIN = 0.1
 (docs/background/method.md), 0.25 gave as many failures but a tenth fewer findings, and 0 gave fewer of both.
 """
 NEAR_MISS = 0.2
-"""Worth of a pass with the nearest possible miss; for other passes the worth decreases with the square of the nearness
-(`nearness_of`)."""
+"""Worth of a pass with the nearest possible miss; any other pass is worth this times the square of its nearness
+(`nearness_of`).
+"""
 NEAR_M = 2.0
 """A pass in which the footprints come nearer than this to each other is a near miss, m. Ours: about a driver's
 clearance to a parked car and its door.
@@ -96,7 +97,8 @@ def avoided(references: Iterable[ReferenceRun]) -> bool:
 def worths(children: Iterable[tuple[ChildFacts, bool]]) -> list[float]:
     """Return the worth of each mutant, 0 to 1.
 
-    `children`: in the order of their rounds, each with whether a reference driver avoids its failure.
+    `children`: the facts about the mutants, in the order of their rounds, each with whether a reference driver avoids
+    its failure.
     """
     stories: set[tuple[str, ...]] = set()
     values = []

@@ -140,7 +140,7 @@ class _DrawnChild(NamedTuple):
 
 @dataclass
 class _Unit:
-    """A clip with one of the seeds, and the mutants that were drawn from it."""
+    """A clip with one of the seeds of mutation, and the mutants that were drawn from it with this seed."""
 
     clip: StepNode
     step: MutantsStep

@@ -174,7 +174,7 @@ class _CampaignRun:
         self._begun_again: set[str] = set()
         """Keys of the steps that failed because their input had changed on the disk."""
         self._then: dict[str, list[StepNode]] = {}
-        """The same steps, by the key of their input."""
+        """The steps that failed because their input had changed on the disk, by the key of this input."""
         self._rounds = {node: rounds for rounds in stages.rounds for node in rounds.seeds}
         """The rounds of each test case, if mutants are allocated in rounds."""
         self._awaited: Counter[tuple[int, int]] = Counter()

@@ -30,7 +30,9 @@ from foresee_dsl.language.project.loading import Project, load_test_case
 from foresee_dsl.language.sampling.draws import values_of
 
 SEEDS = 20
-"""Number of sensor seeds: the share is then known within 0.22 (half the width of its 95 % interval at one half)."""
+"""Number of sensor seeds. The share of them that fail is then known within 0.22 (half the width of the 95 % confidence
+interval of a share of one half).
+"""
 SIDE = 9
 """Number of values along each side of the map. Ours: the failing value in the middle, four values from the unmutated
 one up to it, and as many beyond it.
@@ -166,7 +168,7 @@ class _Variant:
 
 
 Progress = Callable[[int, int], None]
-"""Called with the numbers of finished and of known tasks."""
+"""A function that is called with the number of finished tasks and the number of known tasks."""
 
 
 def how_sure(

@@ -36,7 +36,7 @@ _FOR_BUSES = ("bus_lane", _BAY)
 FAULT = "foresee.fault"
 """Key of the `<param>` of a lane or connection that vehicles cannot use; its value states the reason."""
 _DEFAULT_WIDTH_M = 3.2
-"""Width of a lane without `width`: SUMO's default lane width."""
+"""Width of a lane without the attribute `width`, m: SUMO's default."""
 _TURNS: dict[str, Turn] = {
     "s": "straight",
     "l": "left",

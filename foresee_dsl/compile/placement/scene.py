@@ -48,7 +48,7 @@ DRY_FRICTION, WET_FRICTION = 0.9, 0.5
 """Peak friction of a tyre on asphalt: dry 0.8 to 0.9, wet 0.5 to 0.7 (Wong, Theory of Ground Vehicles, table 1.3); the
 lower end is for a road under water."""
 PATH_LIMIT_MPS = 30 / 3.6
-"""Speed of a vehicle on a path without a `speed` statement: a path has no speed limit of its own (ours)."""
+"""Speed of a vehicle without a `speed` statement on a path, which has no speed limit, m/s (ours)."""
 TOP_SPEED_SLACK = 1.01
 """Factor by which a clip's speed may exceed its model's maximum, because it is rounded (ours)."""
 

@@ -42,7 +42,7 @@ class Standing:
         return self.x + onwards_m * cos - left_m * sin, self.y + onwards_m * sin + left_m * cos, self.heading_rad
 
     def onwards_m(self, place: m.OfActor, *, wheels: bool = True) -> float:
-        """Return the distance of a place ahead of the middle along the way, m (negative: behind)."""
+        """Return how far ahead of the middle a place lies along the way, m (negative: behind it)."""
         match place:
             case m.AheadOf():
                 return self.length_m / 2 + si_of(place.at)

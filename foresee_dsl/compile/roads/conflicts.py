@@ -30,7 +30,7 @@ class Conflict:
         path: way of the foe, [N, 2] m; for vehicles it begins with their approach.
         entry_s: position along `path` at which the junction begins, m.
         own: first and last position in the conflict area along the movement's own way through the junction, m.
-        other: the same along `path`.
+        other: first and last position in the conflict area along `path`, m.
         yields: True if the movement must yield to the foe when both may go.
         tls, link: the signal of the foe ("" and -1 for none).
         of: the foe itself.

@@ -17,8 +17,9 @@ from foresee_dsl.compile.roads.routing import RouteError, check_whole, onward
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement, Topology
 
 CHANGE_AFTER_M = 10.0
-"""Length after the beginning of its edge at which a lane change begins, m (ours: clear of the junction, and early, as
-driving schools teach)."""
+"""Distance from the beginning of its edge at which a lane change begins, m (ours: it is clear of the junction, and
+early, as driving schools teach).
+"""
 CHANGE_TIME_S = 3.0
 """Duration of a lane change at the speed limit, s, if the edge is long enough. Ours: with a cosine blend over 3.5 m
 sideways, the lateral acceleration is 1.9 m/s^2, which is comfortable; if the change took only 20 m at 50 km/h, it would

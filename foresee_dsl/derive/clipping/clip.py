@@ -55,7 +55,8 @@ def clip(
 ) -> m.Clip:
     """Return the clip of the window [point - before_s, point + after_s], bounded by the run.
 
-    If the point has a proposed change, its clip begins with the change, or a hand-over before it.
+    If the point has a proposed change, its clip begins with the change, or with a hand-over that ends when the change
+    begins.
 
     Args:
         case: the test case.

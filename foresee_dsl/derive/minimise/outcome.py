@@ -36,7 +36,8 @@ Ended = Literal["fails", "passes", "otherwise"]
 class ValueTrial:
     """The run of one value.
 
-    `ended`: with the same failure, without a failure, or with another one. `reason`: how it ended, in words.
+    `ended`: whether it ended with the same failure, without a failure, or with another failure. `reason`: how it ended,
+    in words.
     """
 
     value: float

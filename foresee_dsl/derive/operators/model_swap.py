@@ -60,7 +60,9 @@ class ModelSwap(BuiltIn):
         return _with_model(boxes, run.models[str(change.now)])
 
     def letter_target(self, situation: Situation) -> str:
-        """Return the closest of the near actors whose closest frame lies inside the window; "" for none."""
+        """Return the near actor that comes closest to the ego, among those that come closest inside the clip and not at
+        one of its ends; "" if there is none.
+        """
         settings = ForeseeSettings()
         best = {actor: int(gaps.argmin()) for actor, gaps in situation.gaps.items()}
         relevant = [

@@ -135,7 +135,8 @@ def desired_gap(speed_mps: float, closing_mps: float) -> float:
 def idm_acceleration(speed_mps: float, desired_mps: float, gap_m: float, leader_mps: float) -> float:
     """Return the IDM's acceleration, m/s^2: a (1 - (v / v0)^4 - (s* / s)^2); it has no lower bound.
 
-    `desired_mps`: v0, above 0. `gap_m`: bumper to bumper; infinite without a leader.
+    `desired_mps`: the desired speed v0, which must be above 0. `gap_m`: the gap s from bumper to bumper; infinite if
+    there is no leader.
     """
     wish = desired_gap(speed_mps, speed_mps - leader_mps) / max(gap_m, LEAST_GAP_M)
     return free_acceleration(speed_mps, desired_mps) - ACCELERATION_MPS2 * wish * wish

@@ -117,7 +117,7 @@ def _free(now: RoadSituation, free: Wish) -> Reason:
 
 
 def only(tracks: Tracks, k: int | None) -> Tracks:
-    """Return the tracks with object `k` only, or (None) without objects."""
+    """Return the tracks with object `k` only; without any object if `k` is None."""
     rows = slice(0, 0) if k is None else slice(k, k + 1)
     return Tracks(tracks.table[rows], tracks.numbers[rows], tracks.kinds[rows])
 

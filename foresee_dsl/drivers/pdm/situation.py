@@ -51,8 +51,8 @@ def read_situation(
 ) -> RoadSituation:
     """Return the situation of this step, read from an observation.
 
-    `tracks`: the tracked others; None: those of a new tracker on this observation. `signals`: the known colours; None:
-    those of the observation.
+    `tracks`: the tracked others; None: a new tracker reads them from this observation. `signals`: the known colours;
+    None: the colours in the observation.
     """
     egos, tracks = ego_record(vehicle), Tracker().update(observation) if tracks is None else tracks
     write_state(egos.view(np.float64), observation.ego)
