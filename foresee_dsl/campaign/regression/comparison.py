@@ -257,8 +257,9 @@ class Comparison:
 
 
 def compare(base: Side, new: Side) -> Comparison:
-    """Return two sides paired by the meaning of test cases; those invalid on a side (collision at start) are left
-    out."""
+    """Return two sides with their test cases paired by meaning; test cases that are invalid on one side (a collision at
+    the start) are left out.
+    """
     a, b = (_by_key(side) for side in (base, new))
     pairs = tuple(Pair(a[key], b[key]) for key in a if key in b)
     left, right = ({ran.name for key, ran in own.items() if key not in other} for own, other in ((a, b), (b, a)))

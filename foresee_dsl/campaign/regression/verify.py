@@ -237,7 +237,8 @@ def other_version(test: SuiteTest, driver: str, version: str) -> str:
 
 
 def reached(files: Sequence[Path]) -> dict[Path, str]:
-    """Return for each stale child why it cannot be run; "" if the edit of its parent does not reach it.
+    """Return for each stale child why it cannot be run; "" if it can be, because the edit of its parent does not reach
+    it.
 
     A child that no longer fits its parent is left out, because its own message says why.
     """

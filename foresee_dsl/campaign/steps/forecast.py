@@ -1,4 +1,4 @@
-"""Step after a passed run: its risky points are ranked, and clips are cut around the first of them."""
+"""Step after a passed run: the risky points of the run are ranked, and clips are cut around the first ones."""
 
 from __future__ import annotations
 

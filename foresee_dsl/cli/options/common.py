@@ -192,7 +192,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
-    """Print diagnostics on standard error: place, line, underline, what to write instead."""
+    """Print diagnostics on standard error, each with its place, the underlined line, and what to write instead."""
     from foresee_dsl.language.messages.diagnostics import render_all
 
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ

@@ -61,7 +61,7 @@ def repair_geometry(root: Element, net: Topology | None = None) -> Geometry:
 
 
 def _with_lines(net: Topology, elements: Mapping[str, Element], changed: Iterable[str]) -> Topology:
-    """Return a net with the current lines of changed lanes from its tree."""
+    """Return a net in which the changed lanes have the lines that the tree has now."""
     new = {
         name: replace(
             net.lanes[name],

@@ -123,9 +123,10 @@ def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Turn
 
 
 def _aligned(place: int, count: int, into: Sequence[int], turn: Turn) -> int:
-    """Return the index of the target lane for the lane at a place, from the right, among `count` lanes of a turn.
+    """Return the index of the target lane for one of the `count` lanes of a turn; `place` is its number among them,
+    from the right.
 
-    Lanes that turn left lead to the leftmost target lanes, others to the rightmost.
+    Lanes that turn left lead to the leftmost target lanes, other lanes to the rightmost ones.
     """
     from_right = place + max(len(into) - count, 0) if turn == "left" else place
     return into[min(from_right, len(into) - 1)]

@@ -194,7 +194,8 @@ def _width(edge: PlainEdge) -> float:
 
 
 def _cut_pieces(edge: Directed, usual: PlainEdge, right_m: float) -> Iterator[PlainEdge]:
-    """Yield the pieces of a divided edge, with the lanes and the limit that result from the divisions before them.
+    """Yield the pieces of a divided edge, with the lanes and the speed limit that the divisions before each piece
+    result in.
 
     A lane keeps its number along all pieces; an acceleration lane has number 0.
     """
@@ -256,7 +257,9 @@ def _apart(islands: Sequence[tuple[tuple[float, float, float, float], float]], s
 
 
 def _cut_nodes(edge: Directed) -> Iterator[PlainNode]:
-    """Yield the nodes that divide an edge; a node that divides only one direction lies to the right of its line."""
+    """Yield the nodes that divide an edge; a node that divides only one direction of a road lies to the right of the
+    road's line.
+    """
     two_way = lanes_of(edge.road)[1] > 0
     width = _width(_pieces_usual(edge))
     for cut in edge.cuts:

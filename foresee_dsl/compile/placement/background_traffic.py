@@ -183,7 +183,9 @@ class _Around:
         return replace(actor, speed_mps=min(actor.speed_mps, math.sqrt(lost * lost + 2 * braking * gap_m) - lost))
 
     def _has_room(self, actor: PlacedActor, gap_m: float) -> bool:
-        """Reserve an actor's footprint if its distance to all others is at least `gap_m`; return whether it is."""
+        """Reserve an actor's footprint if its distance to all others is at least `gap_m`; return whether it was
+        reserved.
+        """
         taken, box = self._taken[actor.control], shapely.Polygon(footprint(actor))
         free = all(box.distance(other) >= gap_m for other in taken)
         if free:

@@ -25,7 +25,9 @@ from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 NEAR_ROAD_M = 30.0
-"""Maximum distance of pedestrians, obstacles and actors on paths from a lane, m (ours: farther away is an error)."""
+"""Maximum distance of pedestrians, obstacles and actors on paths from a lane, m (ours: a larger distance is probably a
+mistake of the author).
+"""
 GOAL_OFF_M = 5.0
 """A goal that is farther than this from the ego's centreline is on another road, m (ours: more than a lane's width)."""
 _MOST_NAMED = 20

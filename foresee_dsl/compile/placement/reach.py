@@ -1,4 +1,4 @@
-"""Finds conditions that can never hold, because the actor's way stays away from their place or junction."""
+"""Finds conditions that can never hold, because the actor's way never comes near the place or junction they name."""
 
 from __future__ import annotations
 

@@ -211,7 +211,7 @@ class SceneBuilder:
                 yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
 
     def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-        """Yield a problem for each path that touches no lane and no sidewalk, so that its actor meets no other."""
+        """Yield a problem for each path that touches no lane and no sidewalk, so its actor meets no other actor."""
         for actor in placed:
             path = path_of(self._actors[actor.id])
             if path is None or not actor.path:

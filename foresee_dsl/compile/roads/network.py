@@ -45,7 +45,9 @@ towns in the tests has some 800 m)."""
 _TILE_M = 500.0
 """Side of the tiles of a larger map, m (ours: most routes lie in one or two)."""
 _BESIDE_M = 50.0
-"""Margin of a tile in which roads count too, m (ours: more than the widest lane and the largest cached square)."""
+"""Roads within this margin around a tile count for the tile too, m (ours: more than the widest lane and the largest
+cached square).
+"""
 Box = tuple[float, float, float, float]
 """Left, bottom, right and top, m."""
 _CELL_M = 50.0
@@ -398,8 +400,9 @@ def _polygon(points: Points) -> BaseGeometry:
 
 
 class _LaneIndex:
-    """Lanes by the cells of a grid that the bounding box of their centreline touches (without numpy: see
-    `polyline`)."""
+    """An index of lanes by the cells of a grid: a lane is in each cell that the bounding box of its centreline touches.
+    It works without numpy (see `polyline`).
+    """
 
     def __init__(self, lanes: Iterable[Lane]) -> None:
         self._lanes = tuple(lanes)
