@@ -236,6 +236,12 @@ class ActorBuilder:
         )
         self._walks(state.entity, path)
         self._note_bends(state.entity, path, speed)
+        length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(path))
+        if length_m < speed * _NOTED_S:
+            self.losses.note(
+                f"{state.entity.name} brakes at the end of its lane, {length_m:.0f} m ahead: "
+                "the map has no lane from there"
+            )
         points = tuple(point_of(Pose(x, y, 0.0)) for x, y in path)
         return BuiltActor(_actor(state.entity, middle, speed, _walk(state.entity, points, speed)))
 
@@ -261,11 +267,6 @@ class ActorBuilder:
             return []
         if self.network.far_from_lanes(points, _NEAR_M) is not None:
             return []
-        length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
-        if length_m < (state.speed_mps or 0.0) * _NOTED_S:
-            self.losses.note(
-                f"{entity.name} brakes at the end of its lane, {length_m:.0f} m ahead: the map has no lane from there"
-            )
         return [(float(x), float(y)) for x, y in shapely.simplify(shapely.LineString(points), _STRAIGHT_M).coords]
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
