@@ -323,3 +323,10 @@ def test_all_mistakes_are_reported_at_once():
         (6, "FS004"),
     ]
     assert "test.foresee:3:5" in str(caught.value)
+
+
+def test_a_path_that_joins_a_road_takes_no_block_whatever_the_indentation_behind_it() -> None:
+    lines = ["vehicle a: car.sedan {", 'then joins ["west"]', '  route from "west" }']
+    model = parse("\n".join(["foresee 1", "scenario x {", *lines, "}"]), "x").model
+    assert isinstance(model, m.Scenario)
+    assert [item.kind for item in model.actors[0].body] == ["joins", "route"]

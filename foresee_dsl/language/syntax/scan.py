@@ -15,7 +15,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
-_HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then)\b")
+_HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then(?!\s+joins\b))\b")
 """First words of statements whose block is recognised by its indentation even without braces, because the actions in it
 are not allowed elsewhere."""
 _SECOND_WORD = re.compile(r"\w+\s+(\w+)")
