@@ -140,7 +140,7 @@ def test_a_zebra_crossing_belongs_to_who_walks_towards_the_ego_s_way(
 
 
 @pytest.mark.parametrize(
-    ("arm", "at", "way_taken"), [("south", 20, True), ("south", 2, False), ("north", 20, False), ("north", 40, False)]
+    ("arm", "at", "way_taken"), [("south", 20, True), ("south", 2, False), ("north", 30, False), ("north", 12, False)]
 )
 def test_who_comes_from_the_right_goes_first(tmp_path: Path, arm: str, at: int, way_taken: bool) -> None:
     other = (
