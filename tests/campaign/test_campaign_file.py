@@ -120,7 +120,9 @@ def test_it_runs_and_the_command_line_goes_before_it(project: Path, tmp_path: Pa
 
 def test_it_stands_alone(project: Path) -> None:
     file = written(project, NIGHTLY)
-    assert "no other path can be given beside it" in foresee("campaign", file, project, "--out", project / "out", expect=1)
+    assert "no other path can be given beside it" in foresee(
+        "campaign", file, project, "--out", project / "out", expect=1
+    )
 
 
 def test_the_bundled_one_runs_the_whole_library() -> None:

@@ -61,7 +61,7 @@ def test_signals_stop_it_and_the_same_command_goes_on(project: Path, tmp_path: P
         text, _ = process.communicate(timeout=300)
         assert process.returncode == code, text
         assert "Traceback" not in text
-        assert "Interrupted" in text and "same command continues from there" in text
+        assert "The campaign was interrupted" in text and "same command continues from there" in text
         assert json.loads((out / "campaign.json").read_text())["interrupted"] is True
         done = {e["key"] for e in events(log) if e["event"] == "done"}
         assert done and not done & seen

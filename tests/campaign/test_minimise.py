@@ -224,7 +224,7 @@ def test_a_driver_that_spoils_its_process_spoils_no_other(done: Path, tmp_path: 
     assert given.returncode in (0, 1), given.stderr
     if said:
         assert f"cannot be minimised with bad:{how}: {said}" in " ".join(given.stderr.split())
-        assert "it had printed: so long" in " ".join(given.stderr.split())
+        assert "its output was: so long" in " ".join(given.stderr.split())
     assert "foresee has a fault" not in given.stderr
 
 
@@ -301,7 +301,7 @@ def test_what_is_no_failing_mutant_is_refused_in_words(done: Path, names: list[s
     assert "did you mean" in says("minimise", names[0][:-1], "--campaign", out)
     assert "no campaign in" in says("minimise", "nothing", "--campaign", tmp_path)
     clip = next(file for file in (out / "findings" / names[0]).glob("*.foresee") if file.stem != names[0])
-    assert "holds a clip, not a mutant" in says("minimise", clip)
+    assert "contains a clip, not a mutant" in says("minimise", clip)
     raw = next((out / "children").rglob(f"{names[0]}.foresee"))
     stale = raw.with_name("stale.foresee")
     stale.write_text(_stale(raw.read_text()))

@@ -58,7 +58,7 @@ def test_a_run_says_what_its_driver_changed(tmp_path: Path) -> None:
     env, file = bad_driver.install(tmp_path)
     for more in ((), ("--debug",)):
         done = foresee("run", f"{file.name}::w60", "--driver", "bad:chdir", *more, cwd=tmp_path, env=env)
-        assert "the driver changed the working folder to /; that was undone" in " ".join(done.stdout.split())
+        assert "the driver changed the working folder to /; the change was undone" in " ".join(done.stdout.split())
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="it looks for processes in /proc")

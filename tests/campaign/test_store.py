@@ -148,7 +148,7 @@ def test_a_full_disk_is_said_and_nothing_is_lost(tmp_path: Path) -> None:
     message, kept = ours.recv()
     process.join()
     ours.close()
-    assert "cannot be written" in message and "is kept" in message
+    assert "cannot be written" in message and "finished results are kept" in message
     assert kept > 20
     with Store(tmp_path) as store:
         assert all(store.has(f"k{k}") for k in range(kept))

@@ -25,7 +25,7 @@ REASONS = {
     ),
     "lock": (
         "timeout",
-        "timeout: the run did not come back from a library in time, at bad.py:42 (go_wrong); "
+        "timeout: the run did not return from a library's code in time, at bad.py:42 (go_wrong); "
         "--step-deadline allows more (with --retry)",
     ),
     "print": ("pass", "arrived at 5.55 s"),

@@ -216,7 +216,7 @@ def test_a_wrong_was_says_what_the_clip_has(target: str, was: str, now: str, has
         ("ego.steer", "0", "0.1", BAD_CHANGE, "the driver under test drives it"),
         ("ego.timing", "1", "0.9", BAD_CHANGE, "the driver under test drives it"),
         ("runner.steer", "0", "1.2", BAD_CHANGE, "from -1 (right) to 1 (left)"),
-        ("runner.timing", "1", "0", BAD_CHANGE, "a ratio over zero"),
+        ("runner.timing", "1", "0", BAD_CHANGE, "a factor above zero"),
         ("runner.delay", "0 s", "-1 s", BAD_CHANGE, "zero or more"),
         ("runner.delay", "0 s", "1 m", BAD_CHANGE, "needs time, but 1 m is length"),
         ("runner.speed", "17.22 m/s", "-1 m/s", BAD_CHANGE, "zero or more"),

@@ -145,7 +145,7 @@ def test_standard_input(tmp_path: Path):
     assert b"+  junction a at (0 m, 0 m)\n" in fmt("--diff", "-", given=UGLY.encode(), expect=1).stdout
     assert fmt("-", given=BROKEN.encode(), expect=1).stdout == b""
     assert b"not UTF-8" in fmt("-", given=b"\xff\xfe", expect=1).stderr
-    assert b"stands alone" in fmt("-", tmp_path, given=b"", expect=2).stderr
+    assert b"cannot be combined with other paths" in fmt("-", tmp_path, given=b"", expect=2).stderr
 
 
 def test_a_file_without_a_last_newline_can_be_shown(tmp_path: Path):

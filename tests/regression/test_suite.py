@@ -135,7 +135,7 @@ def test_a_parent_of_the_same_name_with_another_meaning_gets_a_number(project: P
     assert "foresee repin" in project.foresee("keep", clip, "--as", "another", expect=1)  # it is stale
     clip.write_text(clip.read_text().replace(was, now))
     told = project.foresee("keep", clip, "--as", "another")
-    assert "parents/crosser_2.foresee: another crosser.foresee with another meaning" in told
+    assert "parents/crosser_2.foresee: the suite already has another crosser.foresee with a different meaning" in told
     assert "no errors found" in project.foresee("check", "regressions")
 
 
@@ -208,7 +208,7 @@ def test_a_folder_is_moved_its_parent_edited_harmlessly_and_it_is_pruned(project
         and "does not change this test" in notes[CLIP]
         and not notes["crosser_last"]
     )
-    assert "nothing to remove" in project.foresee("keep", "--prune", "--to", "tests/suite")
+    assert "no file was removed" in project.foresee("keep", "--prune", "--to", "tests/suite")
     (project.root / f"tests/suite/{MUTANT}.foresee").unlink()
     told = project.foresee("keep", "--prune", "--to", "tests/suite")
     assert told.split() == ["removed", f"tests/suite/parents/{CLIP}.foresee"]

@@ -127,5 +127,5 @@ def test_the_format_of_todays_scenario_runner(tmp_path: Path) -> None:
         "sun_altitude_angle": 9,
     }  # fmt: skip
     assert "weather" in carla_route.run([str(file)], out=tmp_path / "old.xml").left_out
-    with pytest.raises(ExchangeError, match=r"no format 0.9.11: name 0.9.10 or 0.9.15"):
+    with pytest.raises(ExchangeError, match=r"there is no format 0.9.11: write 0.9.10 or 0.9.15"):
         carla_route.run([str(file)], out=tmp_path / "routes.xml", route_format="0.9.11")

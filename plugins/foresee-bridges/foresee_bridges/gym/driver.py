@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from foresee_bridges.gym.observations import ObjectList, control_of
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError, DriverUnavailableError
+from foresee_dsl.files import read_outside
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.floating]]
 """A policy: from the vector of `ObjectList`, [SIZE] float32, to an action, [2]."""
@@ -50,7 +51,7 @@ class PolicyDriver:
         if file.suffix not in readers:
             return cls(_function(argument), f"gym:{argument}", "function")
         try:
-            content = file.read_bytes()
+            content = read_outside(file)
         except OSError as err:
             raise DriverError(f"gym:{argument}: {err.strerror or err}; {USAGE}") from err
         version = hashlib.sha256(content).hexdigest()[:_WRITTEN]
