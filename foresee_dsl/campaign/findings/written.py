@@ -40,7 +40,8 @@ def read_written(campaign: Path) -> dict[str, Any]:
         if wrong is not None:
             where = ".".join(map(str, wrong["loc"])) or "the whole file"
             raise ForeseeError(
-                f"{file} was not written by a campaign of this version ({where}: {wrong['msg']}): run the campaign again"
+                f"{file} was not written by a campaign of this version ({where}: {wrong['msg']}): "
+                "run the campaign again"
             ) from err
     return _Object(file, data)
 
