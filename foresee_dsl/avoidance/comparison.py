@@ -196,7 +196,8 @@ class _Compared:
         return float(speed[0] - speed.min()) if speed.size else 0.0
 
     def _there(self, onset_frame: int) -> tuple[str, str]:
-        """Return in words how much slower the passing ego is at the place of the failure, and how far it evaded."""
+        """Return how much slower the ego of the run that passes is at the place of the failure, and how far it keeps
+        to the side of it; each in words."""
         x, y, heading, speed = (float(self._failed.states[-1, 0, column]) for column in (X, Y, HEADING, SPEED))
         ego, far = self._passed.states[:, 0], self._distances()
         frame = int(np.nanargmin(far))

@@ -198,7 +198,8 @@ def follow(
 ) -> tuple[Records, float]:
     """Process an object list without new objects, in place: `move`, `correct`, and `fade` for missing objects.
 
-    Return the tracks of `present`, and the longest time since an object was seen, s. Arguments as for `correct`.
+    Return the tracks that are still present (as `present`), and the longest time since an object was seen, s. The
+    arguments are those of `correct`.
     """
     scan = scans[0]
     move(state, scan["passed_s"])

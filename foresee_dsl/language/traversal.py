@@ -96,7 +96,7 @@ def all_actions(actions: Iterable[m.Action]) -> Iterator[m.Action]:
 
 
 def quantity_of(value: m.AnyValue) -> m.Quantity:
-    """Return a quantity of a concrete scenario; raise `TypeError` for a parameter or an expression."""
+    """Return a value of a concrete scenario; raise `TypeError` if it is still a parameter or an expression."""
     if isinstance(value, m.Quantity):
         return value
     raise TypeError(f"{value!r} has no value: the scenario is not concrete")

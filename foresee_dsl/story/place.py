@@ -56,8 +56,8 @@ class StoryPlace:
 def place_of(facts: Facts, at: XY, frame: int) -> StoryPlace:
     """Return the place of a point, seen in the ego's direction of travel at a frame.
 
-    Only a story about a pedestrian, or about a cyclist off the lanes, ends on a crossing. For such a cyclist the name
-    of the place does not mention the crossing, so that its story is the same a metre beside it.
+    Only pedestrians, and cyclists that follow a path instead of lanes, can be on a crossing. For a cyclist the name of
+    the place is that of the junction, so that a ride a metre beside the crossing is the same story.
     """
     other = facts.info(facts.opponent) if facts.opponent else None
     on_foot = other is not None and (other.kind == "pedestrian" or (other.kind == "bicycle" and bool(other.path)))

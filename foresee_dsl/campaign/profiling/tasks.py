@@ -32,7 +32,7 @@ class Profiler:
 
     @contextmanager
     def command(self) -> Iterator[None]:
-        """Measure this process inside this context; until `ready` it counts as start-up."""
+        """Measure this process inside this context; the time until `ready` is called counts as start-up."""
         self._clock.enter(Part.START)
         measuring.start(self._clock)
         try:

@@ -154,7 +154,7 @@ class Step(ABC, Generic[Above, Result]):
         return None
 
     def folder(self, case: TestCase) -> str:
-        """Return the folder of its file and of its clip's, relative to the campaign's folder."""
+        """Return the folder of the test case's file and of its clip's file, relative to the campaign's folder."""
         return f"children/{case.source.stem}"
 
     @property

@@ -1,4 +1,4 @@
-"""The command `draw`: draws a scene or a network from above, to a file or to a page that follows the text."""
+"""The command `draw`: draws a scene or a network from above, to a file or to a page that changes with the text."""
 
 from __future__ import annotations
 

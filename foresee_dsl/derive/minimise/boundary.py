@@ -87,8 +87,7 @@ def nearest(trials: Trials, candidate: TrialCandidate, index: int, *, look_besid
 
 
 def stable_edge(high: int, fails: Callable[[int], bool]) -> int:
-    """Return, by bisection, the largest index at which the value fails and also fails at the `NEIGHBOURS` next smaller
-    ones.
+    """Return, by bisection, the largest failing index whose `NEIGHBOURS` next smaller indices fail too.
 
     If there is none, return the index with the most such neighbours. Index 0 must fail, and `high` must not.
     """

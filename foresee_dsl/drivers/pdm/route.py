@@ -159,7 +159,7 @@ def _smooth(values: FloatArray) -> FloatArray:
 
 
 def _speed_profile(limit: FloatArray, curvature: FloatArray, vehicle: VehicleLimits) -> FloatArray:
-    """Return the highest comfortable speed at each point: the limit, lateral comfort, then braking in time."""
+    """Return the highest speed at each point that keeps the limit, is comfortable in the bend, and allows braking."""
     friction = cfg.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
     lateral = min(cfg.LATERAL_COMFORT_MPS2, friction)
     braking = min(cfg.PROFILE_BRAKING_MPS2, friction)

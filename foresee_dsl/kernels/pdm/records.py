@@ -18,8 +18,9 @@ class EgoRecord(NamedTuple):
     Attributes:
         length, width, wheelbase: dimensions of the vehicle. front, centre: distances from the rear axle forwards to the
             front bumper and to the middle of the footprint.
-        sharpest: largest curvature, 1/m. steer_max: largest front-wheel angle. grip: acceleration of the tyres that the
-            driver uses. motor, brakes: largest acceleration and braking. strongest: largest braking within the grip.
+        sharpest: largest curvature, 1/m. steer_max: largest front-wheel angle, rad. grip: the part of the largest
+            acceleration of the tyres that the driver uses, m/s^2. motor, brakes: the vehicle's largest acceleration
+            and braking, m/s^2. strongest: largest braking within the grip, m/s^2.
         x, y, heading, speed, acceleration: current state of the footprint's middle.
         s, d, heading_error: position and heading error of the rear axle's middle on the route. forward: the speed,
             never negative.

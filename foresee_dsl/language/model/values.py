@@ -138,8 +138,7 @@ AnyValue = Quantity | Ref | Expression
 
 
 class Calculated(Quantity, kind=""):
-    """The result of an expression in a parameter's statement, computed with the defaults of the others, together with
-    the expression."""
+    """An expression in a parameter's statement, with its result for the defaults of the other parameters."""
 
     pattern = "{expression}"
 

@@ -48,7 +48,7 @@ def criticality_table(trace: Trace, actor: str) -> dict[str, FloatArray]:
 
 
 def write_criticality(run: ShownRun, file: Path, actor: str = "") -> str:
-    """Write the criticality of a run's steps, as a table (`.csv`) or a document (`.json`); return the other's id.
+    """Write the criticality of a run's steps, as a table (`.csv`) or a document (`.json`); return the other actor's id.
 
     Args:
         run: the run. file: the file. actor: id of the other actor; "": the story's opponent, else the nearest actor.

@@ -113,9 +113,10 @@ class Watch:
 
 
 class _Window:
-    """The recent history of the condition of a `for`: its outcomes over the required duration, from `now_s` on.
+    """The outcomes of the condition of a `for` over its required duration, up to the present frame.
 
-    `unsaid`: whether `run` goes on at a frame without an outcome, as if the condition held.
+    `now_s`: time of the first frame, s. `unsaid`: True if a frame without an outcome counts as one at which the
+    condition holds.
     """
 
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:

@@ -87,7 +87,7 @@ class ForeseeEnv(gymnasium.Env[Array, Array]):
         """Begin a run and return its first observation, and `info` with the run's test case and seed.
 
         Args:
-            seed: seeds the draws of this and the next resets: of the test case, and of the run's seed.
+            seed: seeds the generator that draws the test case and the run's seed, at this reset and the next ones.
             options: `case` (a test case's name or address) and `run_seed` replace the drawn ones. With `run_seed` 0
                 the same controls give the same trace as `foresee run`.
 

@@ -39,8 +39,8 @@ class Score:
         findings, right_findings: the same numbers after failures with equal stories are merged; the fault causes a
             finding if it causes at least half of its failures.
         true_findings: number of the fault's findings, including test cases.
-        recall: of the findings of all approaches that the fault causes, the share that this search has; None if there
-            are none.
+        recall: share of the fault's findings, over all approaches together, that this search has; None if the fault
+            has none.
         first_s: simulated time until the end of the first failure that the fault causes, s; infinite if there is none.
         said, said_right: number of failing runs that a judge calls avoidable, and of those that the fault causes.
         simulated_s, wall_s: simulated time and wall time of the search, s.
