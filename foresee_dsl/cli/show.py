@@ -156,10 +156,6 @@ def show(
         for file in (png, svg):
             if file is not None:
                 _write(file, page.strips, page.run.story.sentence, as_png=file is png)
-        if gif is not None:
-            from foresee_dsl.report.show.film import film
-
-            _write_bytes(gif, film(run, from_s, to_s))
         if criticality is not None:
             from foresee_dsl.report.show.series import write_criticality
 
@@ -168,6 +164,10 @@ def show(
             from foresee_dsl.report.show.series import write_states
 
             write_states(run.trace, states)
+        if gif is not None:
+            from foresee_dsl.report.show.film import film
+
+            _write_bytes(gif, film(run, from_s, to_s))
         if step:
             _walk(console, page, from_s or 0.0, math.inf if to_s is None else to_s, every_s)
         else:

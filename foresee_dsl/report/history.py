@@ -25,7 +25,7 @@ def history_table(changes: Sequence[CampaignChange]) -> Table:
             *((change.folder.name,) if several else ()),
             change.campaign.ended,
             change.campaign.driver,
-            str(change.campaign.test_cases),
+            str(change.campaign.case_count),
             *(str(change.counts.get(whose.value, 0)) for whose in Whose),
             str(len(change.campaign.findings)),
             *("" if count is None else str(count) for count in (change.new, change.still, change.gone)),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.findings.diagnosing import failing_named
-from foresee_dsl.campaign.findings.sure import SEEDS, SIDE, _box, how_sure
+from foresee_dsl.campaign.findings.sure import SEEDS, SIDE, _largest_box, how_sure
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.report.terminal.sureness import sureness_text
@@ -16,9 +16,9 @@ from tests.support.small_campaign import campaign, write_project
 
 def test_the_box_is_the_largest_rectangle_of_failures_around_a_run() -> None:
     rows = [[bool(int(mark)) for mark in row] for row in ("00000", "01110", "01110", "00010", "00010")]
-    assert _box(rows, 2, 2) == (1, 2, 1, 3)
-    assert _box(rows, 4, 3) == (1, 4, 3, 3)
-    assert _box([[False, True, False]], 0, 1) == (0, 0, 1, 1)
+    assert _largest_box(rows, 2, 2) == (1, 2, 1, 3)
+    assert _largest_box(rows, 4, 3) == (1, 4, 3, 3)
+    assert _largest_box([[False, True, False]], 0, 1) == (0, 0, 1, 1)
 
 
 def test_a_finding_with_all_its_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

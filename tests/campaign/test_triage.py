@@ -12,6 +12,7 @@ from lxml import html
 
 from foresee_dsl.campaign.triage.decisions import FILE, Decision, Triage, decide, read_decisions
 from foresee_dsl.campaign.triage.history import FILE as HISTORY
+from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding
 from foresee_dsl.errors import ForeseeError
 from tests.support import command
 from tests.support.first_project import checked
@@ -179,3 +180,11 @@ def test_a_damaged_history_is_named(project: Path) -> None:
     number = text.count("\n") + 1
     assert f"out/{HISTORY}:{number}: this is not what a campaign writes" in foresee(project, "history", expect=1)
     file.write_text(text)
+
+
+def test_a_finding_whose_test_case_is_not_run_again_is_not_gone() -> None:
+    findings = tuple(PastFinding(story, "driver", story, f"{story}.foresee") for story in ("a", "b", "c"))
+    past = PastCampaign(
+        "2026-01-01", "0", "pdm", "foresee", "focused", 0, tuple(f.test_case for f in findings), findings
+    )
+    assert [finding.story for finding in past.gone({"a"}, ["a.foresee", "b.foresee"])] == ["b"]

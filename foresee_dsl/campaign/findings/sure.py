@@ -311,7 +311,7 @@ def _at(grid: ValueGrid, k: int) -> m.Change:
 
 
 def _value(grid: ValueGrid, k: int) -> float:
-    return float(grid.was if k >= grid.count else grid.value(k))
+    return float(_decimal(grid, k))
 
 
 @dataclass(frozen=True)
@@ -346,7 +346,7 @@ def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tu
         fails=tuple(map(tuple, fails)),
     )
     own = SIDE // 2
-    top, bottom, left, right = _box(fails if others else fails[:1], own if others else 0, own)
+    top, bottom, left, right = _largest_box(fails if others else fails[:1], own if others else 0, own)
     sides = [(across, steps[0][left], steps[0][right])]
     if others:
         sides.append((others[0], steps[1][top], steps[1][bottom]))
@@ -363,7 +363,7 @@ def _text(grid: ValueGrid, k: int) -> str:
     return f"{_value(grid, k):.2f}{f' {grid.unit}' if grid.unit else ''}"
 
 
-def _box(fails: Sequence[Sequence[Outcome]], row: int, column: int) -> tuple[int, int, int, int]:
+def _largest_box(fails: Sequence[Sequence[Outcome]], row: int, column: int) -> tuple[int, int, int, int]:
     """Return the rows and columns (first and last) of the largest rectangle of failing runs around one run."""
     height, width = len(fails), len(fails[0])
     best, area = (row, row, column, column), 1

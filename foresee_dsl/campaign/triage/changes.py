@@ -18,8 +18,8 @@ class CampaignChange:
 
     Attributes:
         folder: its folder; if a campaign has several drivers or rankers, each has a folder. counts: number of its
-            findings by judgement. new, still, gone: numbers of stories that are new, still there and gone since the
-            previous campaign; None for a driver's first campaign.
+            findings by judgement. new, still, gone: numbers of stories that are new, still there and gone
+            (`PastCampaign.gone`) since the previous campaign; None for a driver's first campaign.
     """
 
     folder: Path
@@ -38,7 +38,7 @@ class CampaignChange:
             "ranker": self.campaign.ranker,
             "preset": self.campaign.preset,
             "seed": self.campaign.seed,
-            "test_cases": self.campaign.test_cases,
+            "test_cases": self.campaign.case_count,
             "counts": self.counts,
             "new": self.new,
             "still": self.still,
@@ -62,17 +62,11 @@ def _changes(folder: Path) -> list[CampaignChange]:
     changes = []
     for campaign in read_history(folder):
         before = last.get(campaign.driver)
-        past = before.stories if before is not None else frozenset()
-        first = before is None
-        changes.append(
-            CampaignChange(
-                folder,
-                campaign,
-                Counter(finding.judgement for finding in campaign.findings),
-                None if first else len(campaign.stories - past),
-                None if first else len(campaign.stories & past),
-                None if first else len(past - campaign.stories),
-            )
-        )
+        counts = Counter(finding.judgement for finding in campaign.findings)
+        new = still = gone = None
+        if before is not None:
+            new, still = len(campaign.stories - before.stories), len(campaign.stories & before.stories)
+            gone = len(before.gone(campaign.stories, campaign.test_cases))
+        changes.append(CampaignChange(folder, campaign, counts, new, still, gone))
         last[campaign.driver] = campaign
     return changes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,7 +36,7 @@ class PastCampaign:
 
     Attributes:
         ended: date and time (UTC) at which it first ended. digest: hash of its `campaign.json` without the wall time.
-            test_cases: number of test cases.
+            test_cases: addresses of its test cases.
     """
 
     ended: str
@@ -44,13 +45,26 @@ class PastCampaign:
     ranker: str
     preset: str
     seed: int
-    test_cases: int
+    test_cases: tuple[str, ...]
     findings: tuple[PastFinding, ...]
+
+    @property
+    def case_count(self) -> int:
+        """Number of its test cases."""
+        return len(self.test_cases)
 
     @property
     def stories(self) -> frozenset[str]:
         """The stories of its findings."""
         return frozenset(finding.story for finding in self.findings)
+
+    def gone(self, stories: Collection[str], test_cases: Collection[str]) -> tuple[PastFinding, ...]:
+        """Return the findings that a later campaign does not have although it ran their test cases again.
+
+        Args:
+            stories: the stories that the later campaign found. test_cases: the test cases that it ran.
+        """
+        return tuple(f for f in self.findings if f.story not in stories and f.test_case in test_cases)
 
 
 def digest_of(document: str) -> str:
@@ -76,7 +90,7 @@ def append_campaign(folder: Path, result: CampaignResult, document: str) -> None
         ranker=settings.ranker,
         preset=settings.preset,
         seed=settings.seed,
-        test_cases=len(result.seeds),
+        test_cases=tuple(seed.id for seed in result.seeds),
         findings=tuple(
             PastFinding(f.story_key, f.responsibility.whose.value, f.title, f.test_case) for f in result.findings
         ),

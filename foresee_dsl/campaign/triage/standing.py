@@ -130,11 +130,9 @@ def _standing(
     begins = tuple(story_key(driver, f"{family} | ") for family in families)
     keys = {story_key(driver, story): story for story in stories}
     before = _before(folder, driver)
-    ran = frozenset(cases)
-    past = before.findings if before is not None else ()
     return Standing(
         since={} if before is None else {s: Since.STILL if s in before.stories else Since.NEW for s in stories},
-        gone=tuple(f for f in past if whole and f.story not in stories and f.test_case in ran),
+        gone=before.gone(stories, frozenset(cases)) if whole and before is not None else (),
         decisions={story: decisions[key] for key, story in keys.items() if key in decisions},
         unmatched=tuple(
             decision for key, decision in decisions.items() if whole and key not in keys and key.startswith(begins)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from foresee_dsl.errors import ForeseeError
 
-MISSING = "PNG pictures need the package resvg-py: pip install 'foresee-dsl[pictures]'"
+MISSING = "this picture needs the package {}: pip install 'foresee-dsl[pictures]'"
+"""Message without a package; `format` puts its name in."""
 _FONTS = ("/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts")
 """Folders in which resvg looks for fonts on Linux (resvg-py 0.5.0)."""
 
@@ -22,7 +23,7 @@ def png_of_svg(svg: str, *, zoom: float = 2.0) -> bytes:
     try:
         import resvg_py
     except ImportError as err:
-        raise ForeseeError(MISSING) from err
+        raise ForeseeError(MISSING.format("resvg-py")) from err
     return bytes(resvg_py.svg_to_bytes(svg_string=svg, zoom=zoom, font_files=list(_own_fonts())))
 
 
@@ -38,7 +39,7 @@ def _own_fonts() -> tuple[str, ...]:
     if not sys.platform.startswith("linux") or any(next(f.rglob("*.[to]tf"), None) for f in folders if f.is_dir()):
         return ()
     if find_spec("matplotlib") is None:
-        raise ForeseeError("PNG pictures need a font for their names, and this system has none: install one, such as "
+        raise ForeseeError("this picture needs a font for its names, and this system has none: install one, such as "
                            "`apt-get install fonts-dejavu-core`, or matplotlib, which brings one")  # fmt: skip
     import matplotlib as mpl
 

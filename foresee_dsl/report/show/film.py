@@ -97,7 +97,7 @@ def _gif(pictures: Sequence[bytes], frames: IntArray) -> bytes:
     try:
         from PIL import Image
     except ImportError as err:
-        raise ForeseeError(MISSING.replace("PNG pictures need the package resvg-py", "GIF films need Pillow")) from err
+        raise ForeseeError(MISSING.format("Pillow")) from err
     images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
     colours = images[-1].quantize(COLOURS)
     images = [image.quantize(palette=colours, dither=Image.Dither.NONE) for image in images]
