@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from foresee_dsl.errors import DriverUnavailableError
+from foresee_dsl.errors import ForeseeError
 
 if TYPE_CHECKING:
     from foresee_bridges.gym.env import ForeseeEnv, Reward
@@ -25,7 +25,7 @@ def make(*cases: str, observation: str = "objects", reward: Reward | None = None
         ideal: whether the sensors are ideal: all actors within 80 m, exact and without delay.
 
     Raises:
-        DriverUnavailableError: Gymnasium is not installed.
+        ForeseeError: Gymnasium is not installed.
         InputError: a file or test case is wrong or does not exist.
     """
     try:
@@ -33,5 +33,5 @@ def make(*cases: str, observation: str = "objects", reward: Reward | None = None
     except ModuleNotFoundError as err:
         if err.name != "gymnasium":
             raise
-        raise DriverUnavailableError("environments need Gymnasium: pip install 'foresee-bridges[gym]'") from err
+        raise ForeseeError("environments need Gymnasium: pip install 'foresee-bridges[gym]'") from err
     return ForeseeEnv(cases, observation=observation, reward=reward or progress_reward, ideal=ideal)

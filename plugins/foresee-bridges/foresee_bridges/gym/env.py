@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from foresee_bridges.gym.observations import ObjectList, control_of
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.protocol import Control, Observation
-from foresee_dsl.errors import DriverUnavailableError
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.episode import Episode
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
@@ -145,9 +145,7 @@ class ForeseeEnv(gymnasium.Env[Array, Array]):
         if self._view == "objects":
             return self._objects.vector(observation, self._place_s)
         if observation.views is None:
-            raise DriverUnavailableError(
-                "this picture needs a package that draws it: pip install 'foresee-dsl[learned]'"
-            )
+            raise ForeseeError("this picture needs a package that draws it: pip install 'foresee-dsl[learned]'")
         return observation.views.draw(self._view)
 
 
