@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.records import CaseRunOutcome, decode
-from foresee_dsl.campaign.storage.maintenance import Merged, merge
+from foresee_dsl.campaign.storage.maintenance import MergeCounts, merge
 from foresee_dsl.campaign.storage.soundness import sum_of
 from foresee_dsl.campaign.storage.store import COLUMNS, Row, Store, StoreError
 from foresee_dsl.compile.foreign.networks import foreign_net
@@ -279,7 +279,7 @@ def test_a_record_that_unpacks_to_more_than_the_limit_counts_as_damaged(tmp_path
     with Store(tmp_path / "sent", write=False) as store:
         assert store.get("good") is not None and store.get("bad") is None
         assert store.damaged == {"bad": "bad"}
-    assert merge([tmp_path / "sent"], tmp_path / "mine") == Merged(new=1, known=0, damaged=1, without_trace=0)
+    assert merge([tmp_path / "sent"], tmp_path / "mine") == MergeCounts(new=1, known=0, damaged=1, without_trace=0)
     with pytest.raises(ValueError, match="more than 20 MB"):
         decode(bomb, CaseRunOutcome)
 

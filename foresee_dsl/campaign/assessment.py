@@ -12,7 +12,7 @@ from itertools import groupby
 import numpy as np
 
 from foresee_dsl.campaign.driving import driven, longest_s, new_driver
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
@@ -214,7 +214,7 @@ def assess_drivers(
             for k, (case, driver) in enumerate(pairs)
         )  # fmt: skip
         for task, outcome in pool.results():
-            driver_run = _broken(*pairs[int(task.key)], outcome) if isinstance(outcome, Broken) else outcome
+            driver_run = _broken(*pairs[int(task.key)], outcome) if isinstance(outcome, BrokenTask) else outcome
             runs.append(driver_run)
             on_run(driver_run)
             if fail_fast and not driver_run.passed:
@@ -223,7 +223,7 @@ def assess_drivers(
     return tuple(runs)
 
 
-def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
+def _broken(case: TestCase, driver: str, broken: BrokenTask) -> DriverRun:
     """Return the record of a run whose process died or was ended."""
     verdict, reason = broken_verdict(broken)
     return DriverRun(case.id, case.family, driver, "", verdict, reason, 0.0, 0.0, 0, 0.0, "",

@@ -51,7 +51,7 @@ class StagePlan:
 
 
 @dataclass(frozen=True)
-class Allocated:
+class AllocationPlan:
     """The allocation of mutants in rounds: the number of rounds, and the later ones known so far.
 
     rounds: number of rounds, including the first, which gives each clip `first` mutants.
@@ -91,7 +91,7 @@ class CampaignPlan:
     graph: nx.DiGraph[str]
     stages: tuple[StagePlan, ...]
     jobs: int
-    allocation: Allocated | None = None
+    allocation: AllocationPlan | None = None
     """The rounds so far, if mutants are allocated in rounds."""
 
     def as_document(self) -> dict[str, object]:
@@ -167,7 +167,7 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
         if left := sum(rounds.left for rounds in stages.rounds):
             _add_children(graph, "children of later rounds", left, stages.settings)
         begun = tuple(later for rounds in stages.rounds for later in rounds.begun)
-        allocated = Allocated(ROUNDS, stages.settings.first_children, begun)
+        allocated = AllocationPlan(ROUNDS, stages.settings.first_children, begun)
     return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs, allocated)
 
 

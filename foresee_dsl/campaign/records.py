@@ -15,7 +15,7 @@ from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
-from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
+from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.near_misses import NearMisses
@@ -324,7 +324,7 @@ class Minimised:
     child: ChildOutcome
     clip: str
     clip_text: str
-    dropped: Dropped = field(default_factory=Dropped)
+    dropped: DropCounts = field(default_factory=DropCounts)
     boundaries: tuple[Boundary, ...] = ()
     changes: Reduced = _NONE
     actors: Reduced = _NONE

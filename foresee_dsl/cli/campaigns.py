@@ -112,7 +112,7 @@ def campaign(
     from functools import partial
 
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.profiling.stored import Stored
+    from foresee_dsl.campaign.profiling.stored import StoredCounts
     from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
@@ -145,7 +145,7 @@ def campaign(
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])
-        stored = Stored()
+        stored = StoredCounts()
         listeners += [first_failure, stored, RunningPage(flags.out / "report.html", request.settings[0])]
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)

@@ -15,7 +15,7 @@ from typing import Any, Literal, NotRequired
 from pydantic import TypeAdapter
 
 from foresee_dsl.campaign.assessment import Assessment
-from foresee_dsl.campaign.findings.diagnosing import Diagnosed
+from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.findings.sure import Sureness
 from foresee_dsl.campaign.plan import CampaignPlan
@@ -26,7 +26,7 @@ from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.regression.keeping import Report as Kept
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.campaign.storage.maintenance import Merged, Statistics, Swept
+from foresee_dsl.campaign.storage.maintenance import MergeCounts, Statistics, Swept
 from foresee_dsl.campaign.triage.changes import CampaignChange
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Standing
@@ -43,7 +43,7 @@ from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import DerivedFile
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.unfired import Unfired
+from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
 
 _STANDING = {"standing": NotRequired[shape(Standing)]}
@@ -54,7 +54,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RUN = {
     "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,
     "impact": Impact | None, "near_misses": NearMisses, "duration_s": float, "steps": int,
-    "expectations": list[ExpectationResult], "unfired": list[Unfired],
+    "expectations": list[ExpectationResult], "unfired": list[UnfiredTrigger],
     **shape(DriverNotes).__annotations__, "trace": str | None, "digest": str,
 }  # fmt: skip
 _MUTANT = {"file": str, "operators": list[str], "verdict": Verdict, "with": str, "reason": str, "digest": str}
@@ -76,7 +76,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "clip": {"clip": str, "fidelity_m": float, "fidelity_ego_m": float, **shape(RiskyPoint).__annotations__},
     "compare": Comparison,
     "compile": {"test_case": str, "key": str, "files": list[str]},
-    "diagnose": {"diagnoses": list[Diagnosed]},
+    "diagnose": {"diagnoses": list[DiagnosedFailure]},
     "diff": Differences,
     "doctor": {"ok": bool, "findings": list[Examined]},
     "drivers": {"drivers": list[DriverInfo]},
@@ -105,7 +105,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "file": str, "scenario": str, "cases": [_CASE], "distinct": int,
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},
     },
-    "store": (Statistics, Merged, Swept, {"rows": int, "file": str}),
+    "store": (Statistics, MergeCounts, Swept, {"rows": int, "file": str}),
     "sure": Sureness,
     "triage": {"file": str, "entries": [Decision], "standing": Standing},
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},

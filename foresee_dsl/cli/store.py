@@ -10,7 +10,7 @@ import typer
 from foresee_dsl.cli.options.common import JsonOption, console, print_json
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.storage.maintenance import Merged, Statistics
+    from foresee_dsl.campaign.storage.maintenance import MergeCounts, Statistics
 
 ACTIONS = ("stat", "gc", "export", "merge")
 TITLES = {"fuzz": "mutated whole (foresee fuzz)"}
@@ -84,7 +84,7 @@ def store(
         _print({"rows": count, "file": to}, f"{to}: {count} rows", json=json)
 
 
-def _merged(into: Path, merged: Merged) -> str:
+def _merged(into: Path, merged: MergeCounts) -> str:
     """Return the result of `merge` as text, with the results that were left out in a second line."""
     text = f"{into}: {merged.new} new results, {merged.known} already there"
     left = [

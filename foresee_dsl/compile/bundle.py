@@ -143,7 +143,7 @@ class DoorOf:
 
 
 @dataclass(frozen=True, slots=True)
-class Timed:
+class TimedValue:
     """A value in SI units that holds from one time of the run to another, s."""
 
     value: float
@@ -191,8 +191,8 @@ class PlacedActor:
     delay_s: float = 0.0
     timing: float = 1.0
     line_m: float = 0.0
-    strays: Timed | None = None
-    brakes: Timed | None = None
+    strays: TimedValue | None = None
+    brakes: TimedValue | None = None
     recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
     joins: bool = False

@@ -9,12 +9,12 @@ from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.verdicts import WHOLE
-from foresee_dsl.simulate.results.unfired import Unfired
+from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 
 _MARK = "  never   "
 
 
-def unfired_lines(triggers: Iterable[Unfired], width: int) -> Iterator[Text]:
+def unfired_lines(triggers: Iterable[UnfiredTrigger], width: int) -> Iterator[Text]:
     """Yield the triggers and steps that never fired and how near they came, in lines of at most `width` columns (0: one
     line each)."""
     for trigger in triggers:

@@ -22,7 +22,7 @@ the disk."""
 
 
 @dataclass
-class Printed:
+class PrintedOutput:
     """The files to which the output of this process goes.
 
     Attributes:
@@ -57,7 +57,7 @@ class Printed:
         faulthandler.dump_traceback_later(seconds, exit=True, file=self.stacks)
 
 
-_here: list[Printed] = []
+_here: list[PrintedOutput] = []
 
 
 def keep_prints(output: int, stacks: int) -> None:
@@ -69,10 +69,10 @@ def keep_prints(output: int, stacks: int) -> None:
         with contextlib.suppress(AttributeError, OSError):  # a replaced stream may have no descriptor
             text.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     faulthandler.enable(file=stacks)
-    _here[:] = [Printed(output, stacks)]
+    _here[:] = [PrintedOutput(output, stacks)]
 
 
-def printed_here() -> Printed | None:
+def printed_here() -> PrintedOutput | None:
     """Return the output files of this process; None if its output is not redirected."""
     return _here[0] if _here else None
 

@@ -72,7 +72,7 @@ class _Vehicle:
     ignores: set[str] = field(default_factory=set)
 
 
-class Seen(NamedTuple):
+class VehicleStates(NamedTuple):
     """The states of the N vehicles that SUMO drives, after a step.
 
     Attributes:
@@ -263,7 +263,7 @@ class World:
         self.bodies.adopt(actor.id, actor.model.name, actor.route[-1:])
         self._sumo.vehicle.setSpeedMode(actor.id, 0)
 
-    def vehicles(self) -> Seen:
+    def vehicles(self) -> VehicleStates:
         """Return the states of all vehicles that SUMO drives; vehicles that have left the road are dropped."""
         # Reading each value is cheaper than SUMO's subscriptions (14 us against 27 us).
         vehicle = self._sumo.vehicle
@@ -283,7 +283,7 @@ class World:
             state.lane = lane
             if state.cruise_mps and not lane.startswith((":", state.edge)):
                 self._limit_speed(name, state, lane)
-        return Seen(names, numbers, changed)
+        return VehicleStates(names, numbers, changed)
 
     def _forget(self, vehicle: str) -> None:
         """Drop a vehicle from those that SUMO drives."""

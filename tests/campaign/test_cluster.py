@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from foresee_dsl.campaign.execution.cluster import ClusterError, DaskExecutor, dask
-from foresee_dsl.campaign.execution.pool import Broken, RunOptions, Task
+from foresee_dsl.campaign.execution.pool import BrokenTask, RunOptions, Task
 from foresee_dsl.campaign.storage.store import Row
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 
@@ -47,8 +47,8 @@ def test_a_task_that_dies_takes_no_dask_worker_along(cluster: Any) -> None:
         assert client.run(os.getpid) == before
     assert [found[f"root_{k}"] for k in range(12)] == [math.sqrt(k) for k in range(12)]
     dies, hangs = found["dies"], found["hangs"]
-    assert isinstance(dies, Broken) and "SIGSEGV" in dies.reason and dies.task.argument == 0
-    assert isinstance(hangs, Broken) and hangs.how == "timeout"
+    assert isinstance(dies, BrokenTask) and "SIGSEGV" in dies.reason and dies.task.argument == 0
+    assert isinstance(hangs, BrokenTask) and hangs.how == "timeout"
 
 
 class Killer(Heard):

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.processes import started_by
 
 GROWS = "import os, time; x = bytearray(400_000_000); print(os.getpid(), flush=True); time.sleep(60)"
@@ -27,7 +27,7 @@ def test_what_a_program_starts_counts_and_ends_with_it(tmp_path: Path) -> None:
     with WorkerPool(1, memory_mb=350) as pool:
         pool.add([Task("grows", with_a_program, str(file))])
         ((_, outcome),) = pool.results()
-    assert isinstance(outcome, Broken) and outcome.how == "memory"
+    assert isinstance(outcome, BrokenTask) and outcome.how == "memory"
     assert "took more than 350 MB of memory" in outcome.reason
     left = file.read_text(encoding="utf-8").split()
     until = time.monotonic() + 20

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.execution.pool import Broken, Task, TaskPart, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, TaskPart, WorkerPool
 
 
 def outcomes(jobs: int, tasks: Iterable[Task], **limits: float) -> dict[str, object]:
@@ -41,15 +41,15 @@ def test_one_that_dies_does_not_take_the_others_along(jobs: int) -> None:
     found = outcomes(jobs, tasks)
     assert len(found) == 23 and kept(found)
     dies, raises, crashes = found["dies"], found["raises"], found["crashes"]
-    assert isinstance(dies, Broken) and dies.how == "crash" and "exit code 7" in dies.reason
-    assert isinstance(raises, Broken) and raises.how == "raised" and "ValueError" in raises.reason
-    assert isinstance(crashes, Broken) and "SIGSEGV" in crashes.reason
+    assert isinstance(dies, BrokenTask) and dies.how == "crash" and "exit code 7" in dies.reason
+    assert isinstance(raises, BrokenTask) and raises.how == "raised" and "ValueError" in raises.reason
+    assert isinstance(crashes, BrokenTask) and "SIGSEGV" in crashes.reason
 
 
 def test_one_that_hangs_is_ended() -> None:
     found = outcomes(2, [*roots(6), Task("hangs", time.sleep, 60, deadline_s=0.3), *roots(6)])
     hangs = found["hangs"]
-    assert isinstance(hangs, Broken) and hangs.how == "timeout" and "0.3 s of wall time" in hangs.reason
+    assert isinstance(hangs, BrokenTask) and hangs.how == "timeout" and "0.3 s of wall time" in hangs.reason
     assert kept(found)
 
 
@@ -62,7 +62,7 @@ def all_memory(size: int) -> int:
 def test_one_that_takes_too_much_memory_is_ended() -> None:
     found = outcomes(2, [*roots(3), Task("grows", all_memory, 700_000_000), *roots(3)], memory_mb=500)
     grows = found["grows"]
-    assert isinstance(grows, Broken) and grows.how == "memory" and "500 MB" in grows.reason
+    assert isinstance(grows, BrokenTask) and grows.how == "memory" and "500 MB" in grows.reason
     assert kept(found)
 
 
@@ -98,7 +98,7 @@ def test_parts_come_as_they_are_done_and_outlive_what_breaks_later() -> None:
     assert ("whole", None) in found
     half = [value for name, value in found if name == "half"]
     assert half[0] == TaskPart(1)
-    assert isinstance(half[-1], Broken)
+    assert isinstance(half[-1], BrokenTask)
 
 
 def test_tasks_may_be_added_while_others_run() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.process_state import ProcessState, put_back
 from tests.campaign.test_isolation import alive
 from tests.support import bad_driver
@@ -104,7 +104,7 @@ def test_a_step_that_breaks_after_a_driver_changed_its_process_is_run_again_in_a
     with WorkerPool(1, deaths=1) as pool:
         pool.add([Task("never", spoils_and_raises, str(tmp_path / "nowhere" / "was"))])
         ((_, outcome),) = pool.results()
-    assert isinstance(outcome, Broken) and outcome.how == "raised"
+    assert isinstance(outcome, BrokenTask) and outcome.how == "raised"
     assert outcome.reason.endswith(f"(before that, the driver {SETERR})")
 
 

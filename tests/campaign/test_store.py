@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.storage import store as store_module
-from foresee_dsl.campaign.storage.maintenance import Merged, export, merge, statistics, sweep
+from foresee_dsl.campaign.storage.maintenance import MergeCounts, export, merge, statistics, sweep
 from foresee_dsl.campaign.storage.store import SCHEMA, Row, Store, StoreError
 
 
@@ -173,8 +173,8 @@ def test_merging_joins_and_keeps_the_sources(tmp_path: Path) -> None:
         with Store(tmp_path / name) as store:
             for key in keys:
                 store.add(row(key), key.encode())
-    assert merge([tmp_path / "a", tmp_path / "b"], tmp_path / "c") == Merged(3, 1, 0, 0)
-    assert merge([tmp_path / "a", tmp_path / "b"], tmp_path / "c") == Merged(0, 4, 0, 0)
+    assert merge([tmp_path / "a", tmp_path / "b"], tmp_path / "c") == MergeCounts(3, 1, 0, 0)
+    assert merge([tmp_path / "a", tmp_path / "b"], tmp_path / "c") == MergeCounts(0, 4, 0, 0)
     with Store(tmp_path / "c") as joined, Store(tmp_path / "a") as source:
         assert [r.key for r in joined.rows()] == ["k1", "k2", "k3"]
         found = joined.get("k3")

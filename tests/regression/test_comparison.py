@@ -7,13 +7,15 @@ from dataclasses import replace
 
 import pytest
 
-from foresee_dsl.campaign.regression.comparison import Pair, Ran, Side, compare
+from foresee_dsl.campaign.regression.comparison import ComparedRun, Pair, Side, compare
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Verdict, passes
 
 
-def ran(name: str = "a", verdict: Verdict = Verdict.PASS, near: Mapping[str, float] | None = None, **more: str) -> Ran:
+def ran(
+    name: str = "a", verdict: Verdict = Verdict.PASS, near: Mapping[str, float] | None = None, **more: str
+) -> ComparedRun:
     misses = {key: {"value": value, "time_s": 1.0, "with": "kid"} for key, value in (near or {}).items()}
-    return Ran(name, name, more.get("family", ""), verdict, "", None if near is None else misses)
+    return ComparedRun(name, name, more.get("family", ""), verdict, "", None if near is None else misses)
 
 
 def nearer(measure: str, was: float | None, now: float) -> tuple[float | None, float, float] | None:
@@ -55,7 +57,7 @@ def test_a_near_miss_is_nearer_by_more_than_a_step_within_its_limit(
 
 
 def test_an_infinite_value_is_far_and_null_in_json() -> None:
-    base = Ran("a", "a", "", Verdict.PASS, "", {"ttc_s": {"value": None, "with": "kid"}})
+    base = ComparedRun("a", "a", "", Verdict.PASS, "", {"ttc_s": {"value": None, "with": "kid"}})
     found = Pair(base, ran(near={"ttc_s": 1.0})).nearer
     assert found is not None and (found.share, found.actor) == (99.0, "kid")
     assert Pair(base, base).nearer is None
@@ -119,8 +121,8 @@ def test_the_sentence_says_what_is_more_than_chance() -> None:
 
 
 def test_test_cases_are_paired_by_meaning_and_named_where_they_cannot_be() -> None:
-    def edited(key: str, name: str) -> Ran:
-        return Ran(key, name, "", Verdict.PASS, "")
+    def edited(key: str, name: str) -> ComparedRun:
+        return ComparedRun(key, name, "", Verdict.PASS, "")
 
     base = Side("old", (edited("1", "same"), edited("2", "changed"), edited("3", "gone")))
     new = Side("new", (edited("1", "renamed"), edited("4", "changed"), edited("5", "added")))

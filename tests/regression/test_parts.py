@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.regression.comparison import Change, Ran, Side, compare, exact_p
+from foresee_dsl.campaign.regression.comparison import Change, ComparedRun, Side, compare, exact_p
 from foresee_dsl.campaign.regression.edits import with_doc, with_expected, with_paths
 from foresee_dsl.campaign.regression.expectations import (
     Ending,
@@ -127,7 +127,7 @@ def test_the_exact_p_is_the_sum_of_splits_that_are_no_more_probable(one: int, ot
 
 def side(label: str, verdicts: dict[str, Verdict], near: dict[str, float]) -> Side:
     runs = (
-        Ran(f"sha256:{name}", name, "3" if name < "f" else "4", verdict, f"{verdict} <b>|</b>",
+        ComparedRun(f"sha256:{name}", name, "3" if name < "f" else "4", verdict, f"{verdict} <b>|</b>",
             {"ttc_s": {"value": near[name], "time_s": 1.0, "with": "walker"}} if name in near else {})
         for name, verdict in verdicts.items()
     )  # fmt: skip

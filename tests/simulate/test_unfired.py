@@ -19,7 +19,7 @@ from foresee_dsl.language.model import When
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.terminal.runs import print_case_run, print_case_runs
-from foresee_dsl.simulate.results.unfired import Unfired
+from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.trace import SPEED
 from foresee_dsl.simulate.triggers.condition_history import Watch
@@ -76,7 +76,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> tuple[T
     return case, with_unfired(case, "idm", result)
 
 
-def by_text(result: RunResult) -> dict[str, Unfired]:
+def by_text(result: RunResult) -> dict[str, UnfiredTrigger]:
     return {one.text: one for one in result.unfired}
 
 

@@ -34,7 +34,7 @@ from foresee_dsl.campaign.allocation.choice import (
 from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest, Wanted
+from foresee_dsl.campaign.steps.mutants import MutantsStep, RequestedMutant, RoundRequest
 from foresee_dsl.derive.mutate import SEARCHED, Draw
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ class _Unit:
     """The plans that have no further mutants."""
     numbers: int = 0
     """Total number of draws that were requested."""
-    wanted: list[Wanted] = field(default_factory=list)
+    wanted: list[RequestedMutant] = field(default_factory=list)
 
     def way(self, plan: int, *, near: bool = False) -> MutantDraw:
         if plan == SEARCHED:
@@ -366,21 +366,21 @@ def _want(units: list[_Unit], way: MutantDraw, nearness: Mapping[StepNode, float
         ]
         unit, drawn = max(bases, key=lambda pair: nearness[pair[1].node])
         number = drawn.step.mutant.number
-        want = Wanted(unit.numbers + 1, Draw(drawn.plan, unit.uses[number]), drawn.step.mutant.text, number)
+        want = RequestedMutant(unit.numbers + 1, Draw(drawn.plan, unit.uses[number]), drawn.step.mutant.text, number)
         unit.uses[number] += 1
     else:
         able = [(unit, plan) for unit in units for plan in unit.open_plans if unit.way(plan) == way]
         unit, plan = min(able, key=lambda pair: (pair[0].numbers, pair[0].turns[pair[1]]))
-        want = Wanted(unit.numbers + 1, Draw(plan, unit.turns[plan]))
+        want = RequestedMutant(unit.numbers + 1, Draw(plan, unit.turns[plan]))
         unit.turns[plan] += 1
     unit.numbers += 1
     unit.wanted.append(want)
 
 
-def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
+def _first(count: int, record: Mutants) -> tuple[RequestedMutant, ...]:
     """Return the first round's mutants as requests, because that round makes no explicit requests."""
     drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, count))) for k in range(1, count + 1))
-    return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
+    return tuple(RequestedMutant(k, draw) for k, draw in drawn if draw is not None)
 
 
 def _request(unit: _Unit, number: int) -> RoundRequest:

@@ -23,7 +23,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from foresee_dsl.campaign.execution.isolation import Task, end_with
-from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Executor, RunOptions, Update, WorkerPool
+from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, BrokenTask, Executor, RunOptions, Update, WorkerPool
 from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.errors import ForeseeError
 
@@ -113,7 +113,7 @@ class DaskExecutor(Executor):
         for index, value in updates:
             number = numbers[index]
             task = self._tasks[number]
-            update = Update(task, replace(value, task=task) if isinstance(value, Broken) else value)
+            update = Update(task, replace(value, task=task) if isinstance(value, BrokenTask) else value)
             if update.final:
                 del self._tasks[number]
             yield update
@@ -126,14 +126,14 @@ class DaskExecutor(Executor):
                 self._queue.push(number, (-1, number), self._tasks[number].shares)
             else:
                 task = self._tasks.pop(number)
-                yield Update(task, Broken(task, f"lost with its Dask worker {DEATHS} times: {why}", "killed"))
+                yield Update(task, BrokenTask(task, f"lost with its Dask worker {DEATHS} times: {why}", "killed"))
 
 
 def run_batch(packed: bytes, memory_mb: float) -> bytes:
     """Run a pickled list of tasks in this Dask worker's host; this is what Dask calls.
 
     Returns:
-        A pickled list of updates: each task's index, and a part, an outcome or a `Broken`.
+        A pickled list of updates: each task's index, and a part, an outcome or a `BrokenTask`.
 
     Raises:
         ClusterError: the host ended.
@@ -258,7 +258,7 @@ def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
 
 def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
     """Return a task's outcome without the task's argument if the task broke; the sender has the argument already."""
-    return replace(value, task=replace(value.task, argument=None)) if isinstance(value, Broken) else value
+    return replace(value, task=replace(value.task, argument=None)) if isinstance(value, BrokenTask) else value
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
 from foresee_dsl.campaign.assembly import assemble
-from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, TaskPart, Update
+from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.repeats import repeated
 from foresee_dsl.campaign.findings.representatives import choose_representatives
@@ -300,9 +300,9 @@ class _CampaignRun:
         node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
         self._expected.subtract(keys)
-        if isinstance(update.value, Broken) and self._begins_again(node):
+        if isinstance(update.value, BrokenTask) and self._begins_again(node):
             return
-        if isinstance(update.value, Broken):
+        if isinstance(update.value, BrokenTask):
             # The task failed at the first part that it has not delivered.
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
             row = _broken_row(node, update.value) if key == node.step.key else None
@@ -365,7 +365,7 @@ def _row(result: StepResult, *, broken: bool = False) -> Row:
     )
 
 
-def _broken_row(node: StepNode, broken: Broken) -> Row | None:
+def _broken_row(node: StepNode, broken: BrokenTask) -> Row | None:
     """Return the stored record of a run that gave no result; None if nothing is stored for it: if the step is a
     forecast or a mutation, not a run, or if the process was ended from outside. The latter is not a result, so the next
     campaign runs the step again.

@@ -113,7 +113,18 @@ class TaskQueue:
         return None
 
 
-__all__ = ["BATCH", "DEATHS", "Broken", "Executor", "RunOptions", "Task", "TaskPart", "Update", "WorkerPool", "local"]
+__all__ = [
+    "BATCH",
+    "DEATHS",
+    "BrokenTask",
+    "Executor",
+    "RunOptions",
+    "Task",
+    "TaskPart",
+    "Update",
+    "WorkerPool",
+    "local",
+]
 
 DEATHS = 3
 """Number of times that a task's process must die before the task counts as the cause. Ours: a `kill` from outside, or
@@ -133,7 +144,7 @@ die, no process can start.
 
 
 @dataclass(frozen=True)
-class Broken:
+class BrokenTask:
     """A task without an outcome: its process died (`crash`), it took too long (`timeout`) or too much memory
     (`memory`), or it raised; or its process was ended from outside each time (`killed`), which says nothing about the
     task."""
@@ -154,7 +165,7 @@ class TaskPart:
 
 @dataclass(frozen=True)
 class Update:
-    """A message about a task: a `TaskPart`, a `Broken`, or its outcome (None after the last part)."""
+    """A message about a task: a `TaskPart`, a `BrokenTask`, or its outcome (None after the last part)."""
 
     task: Task
     value: Any
@@ -240,7 +251,7 @@ class WorkerPool(Executor):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def results(self) -> Iterator[tuple[Task, Any | Broken]]:
+    def results(self) -> Iterator[tuple[Task, Any | BrokenTask]]:
         """Yield each task with its outcome until none is left."""
         for update in self.updates():
             if update.final:
@@ -348,7 +359,7 @@ class WorkerPool(Executor):
             return
         if worker.changed:
             error += f" (before that, the driver {'; it '.join(worker.changed)})"
-        yield self._ended(number, Broken(self._tasks[number], error, "raised"))
+        yield self._ended(number, BrokenTask(self._tasks[number], error, "raised"))
 
     def _ended(self, number: int, value: object) -> Update:
         self._deaths.pop(number, None)
@@ -368,7 +379,7 @@ class WorkerPool(Executor):
         at = f", at {left.place}" if left.place else ""
         if left.hung:
             reason = f"did not return from a library's code in time{at}; --step-deadline allows more (with --retry)"
-            yield self._ended(number, Broken(task, reason, "timeout", left.output))
+            yield self._ended(number, BrokenTask(task, reason, "timeout", left.output))
             return
         counted, most = (self._kills, DEATHS) if ending.outside else (self._deaths, self._most_deaths)
         counted[number] += 1
@@ -376,9 +387,9 @@ class WorkerPool(Executor):
         if counted[number] < most:
             self._requeue([number])
         elif ending.outside:
-            yield self._ended(number, Broken(task, f"{ending.text}{times}{_OUTSIDE}", "killed", left.output))
+            yield self._ended(number, BrokenTask(task, f"{ending.text}{times}{_OUTSIDE}", "killed", left.output))
         else:
-            yield self._ended(number, Broken(task, f"{ending.text}{at}{times}", output=left.output))
+            yield self._ended(number, BrokenTask(task, f"{ending.text}{at}{times}", output=left.output))
 
     def _suspect(self, number: int) -> int:
         """Return how many processes ended at a task; if any did, the task runs alone in a new process."""
@@ -402,17 +413,17 @@ class WorkerPool(Executor):
         if worker.overdue():
             self._drop(worker)
             reason = f"took longer than {task.deadline_s:g} s of wall time and was ended; --deadline allows more"
-            yield self._ended(number, Broken(task, reason, "timeout", worker.left_behind().output))
+            yield self._ended(number, BrokenTask(task, reason, "timeout", worker.left_behind().output))
         elif worker.started() > MOST:
             self._drop(worker)
             reason = f"started more than {MOST:,} processes and was ended"
-            yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
+            yield self._ended(number, BrokenTask(task, reason, "memory", worker.left_behind().output))
         elif worker.memory_mb(self._memory_mb) > self._memory_mb:
             alone = not worker.finished
             self._drop(worker)
             if alone:
                 reason = f"took more than {self._memory_mb:g} MB of memory and was ended; --memory allows more"
-                yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
+                yield self._ended(number, BrokenTask(task, reason, "memory", worker.left_behind().output))
             else:  # earlier tasks may have used the memory
                 self._deaths[number] += 1
                 self._requeue([number])

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
@@ -82,7 +82,7 @@ def run_here(case: TestCase, driver: str, *, seed: int = 0, rules: RulesMode = R
     return case_run(case, with_unfired(case, driver, result))
 
 
-def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
+def case_run(case: TestCase, outcome: RunResult | BrokenTask) -> CaseRun:
     """Return the run of a test case from its task's outcome."""
     if isinstance(outcome, RunResult):
         return CaseRun(case, outcome.verdict, outcome.reason, outcome.notes, outcome)
@@ -90,7 +90,7 @@ def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
     return CaseRun(case, verdict, reason, DriverNotes(output=outcome.output))
 
 
-def broken_verdict(broken: Broken) -> tuple[Verdict, str]:
+def broken_verdict(broken: BrokenTask) -> tuple[Verdict, str]:
     """Return the verdict of a run without a result, and the reason in one line."""
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
     begins = {"raised": "the run raised ", "crash": "", "timeout": "timeout: the run "}.get(broken.how, "the run ")

@@ -13,7 +13,7 @@ from typing import Any
 
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
 from foresee_dsl.campaign.driving import driven, new_driver, recorded_run
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.campaign.findings.written import read_written
 from foresee_dsl.compile import compile_test_case
@@ -52,7 +52,7 @@ class Failing:
 
 
 @dataclass(frozen=True)
-class Diagnosed:
+class DiagnosedFailure:
     """A diagnosis with the failure that it is about. `note`: why there is no diagnosis; "" if there is one."""
 
     failing: Failing
@@ -128,26 +128,30 @@ def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_prog
     )
 
 
-def diagnose(failures: Sequence[Failing], jobs: int = 1) -> Iterator[Diagnosed]:
+def diagnose(failures: Sequence[Failing], jobs: int = 1) -> Iterator[DiagnosedFailure]:
     """Diagnose failures in processes of their own, in their order, and keep the results beside their campaigns."""
-    outcomes: dict[int, Diagnosed] = {}
+    outcomes: dict[int, DiagnosedFailure] = {}
     with WorkerPool(jobs, once=len(failures) == 1) as pool:
         tasks = [Task(f"{k} {failing.name}", _diagnosed, failing) for k, failing in enumerate(failures)]
         pool.add(tasks)
         for task, outcome in pool.results():
             k = int(task.name.partition(" ")[0])
-            outcomes[k] = outcome if isinstance(outcome, Diagnosed) else Diagnosed(failures[k], None, _broken(outcome))
+            outcomes[k] = (
+                outcome
+                if isinstance(outcome, DiagnosedFailure)
+                else DiagnosedFailure(failures[k], None, _broken(outcome))
+            )
     for k in range(len(failures)):
         result = outcomes[k]
         _keep(result)
         yield result
 
 
-def _broken(outcome: Broken) -> str:
+def _broken(outcome: BrokenTask) -> str:
     return f"it cannot be driven: {outcome.reason}"
 
 
-def _diagnosed(failing: Failing) -> Diagnosed:
+def _diagnosed(failing: Failing) -> DiagnosedFailure:
     """Diagnose one failure in this process."""
     drivers: list[Driver] = []
 
@@ -162,14 +166,14 @@ def _diagnosed(failing: Failing) -> Diagnosed:
 
     failed = drive(frozenset())
     if not failed.verdict.is_failure:
-        return Diagnosed(failing, None, f"it does not fail with {failing.driver}: {failed.reason}")
+        return DiagnosedFailure(failing, None, f"it does not fail with {failing.driver}: {failed.reason}")
     declared = tuple(part for part in parts_of(drivers[-1]) if part not in ideal_parts(failing.driver))
     bundle = compile_test_case(failing.case)
     diagnosis = diagnosed(failed, bundle, drive, driver=failing.driver, seed=failing.seed, declared=declared)
-    return Diagnosed(failing, diagnosis)
+    return DiagnosedFailure(failing, diagnosis)
 
 
-def _keep(result: Diagnosed) -> None:
+def _keep(result: DiagnosedFailure) -> None:
     """Write a diagnosis into the file beside its campaign."""
     folder = result.failing.campaign
     if folder is None or result.diagnosis is None:

@@ -14,21 +14,21 @@ from foresee_dsl.story import Story, tell
 
 
 @dataclass(frozen=True)
-class Explained:
+class Explanation:
     """The explanation of a failure; for a run that did not fail, all fields are empty."""
 
     judgements: tuple[AnyJudgement, ...] = ()
     story: Story | None = None
 
 
-NOTHING = Explained()
+NOTHING = Explanation()
 """The explanation of a run that did not fail."""
 
 
 @Part.EXPLAIN.measured
-def explained(case: TestCase, result: RunResult) -> Explained:
+def explained(case: TestCase, result: RunResult) -> Explanation:
     """Return the judges' answers and the story of a failure."""
     if not result.verdict.is_failure:
         return NOTHING
     bundle = compile_test_case(case)
-    return Explained(judged(Failure.of(result, bundle)), tell(result.trace, case, bundle))
+    return Explanation(judged(Failure.of(result, bundle)), tell(result.trace, case, bundle))

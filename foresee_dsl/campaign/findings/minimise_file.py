@@ -8,7 +8,7 @@ from typing import Self
 
 from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import recorded_run, relative_path, run_test_case
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.keys import judged_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
@@ -110,7 +110,7 @@ def _apart(work: _Work) -> tuple[Minimised, bytes | None]:
     with WorkerPool(1, deaths=1, once=True) as pool:
         pool.add([Task(work.mutant.name, _minimise, work)])
         ((_, outcome),) = pool.results()
-    if isinstance(outcome, Broken):
+    if isinstance(outcome, BrokenTask):
         printed = f"; its output was: {outcome.output.strip()}" if outcome.output.strip() else ""
         raise DriverError(f"{work.mutant.name} cannot be minimised with {work.driver}: {outcome.reason}{printed}")
     result: tuple[Minimised, bytes | None] = outcome

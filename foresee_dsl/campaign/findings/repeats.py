@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from foresee_dsl.campaign.driving import longest_s, run_test_case
-from foresee_dsl.campaign.execution.pool import Broken, RunOptions, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.keys import key
 from foresee_dsl.campaign.node import StepNode
@@ -103,7 +103,7 @@ def _run_again(
             for name in names
         )
         for task, outcome in pool.results():
-            if outcome is not None and not isinstance(outcome, Broken):
+            if outcome is not None and not isinstance(outcome, BrokenTask):
                 endings[task.name].append(outcome)
 
 

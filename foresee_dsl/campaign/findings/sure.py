@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.campaign.driving import longest_s, run_test_case
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.diagnosing import Failing
 from foresee_dsl.derive.minimise.boundary import ValueGrid, grid_of
 from foresee_dsl.documents import every_field, or_null
@@ -233,7 +233,7 @@ class _Runs:
         with WorkerPool(min(self._jobs, len(arguments))) as pool:
             pool.add(Task(str(k), function, argument, deadline_s) for k, argument in enumerate(arguments))
             for task, outcome in pool.results():
-                if isinstance(outcome, Broken):
+                if isinstance(outcome, BrokenTask):
                     raise ForeseeError(f"a run of {self.subject.case.id} broke: {outcome.reason}")
                 outcomes[task.name] = outcome
                 self._done += 1

@@ -6,7 +6,7 @@ from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.storage.store import Row
 
 
-class Stored(Listener):
+class StoredCounts(Listener):
     """Counts the results that a campaign found in its store."""
 
     def __init__(self) -> None:

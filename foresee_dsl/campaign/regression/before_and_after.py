@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import recorded_run, run_test_case
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.repinning.repin import DerivedFile
@@ -33,7 +33,8 @@ def before_and_after(derived_files: Sequence[DerivedFile], *, jobs: int = 1) -> 
     with WorkerPool(jobs) as pool:
         pool.add(Task(name, partial(drive, case, driver), seed) for name, (case, driver, seed) in runs.items())
         ended = {
-            task.name: outcome.reason if isinstance(outcome, Broken) else outcome for task, outcome in pool.results()
+            task.name: outcome.reason if isinstance(outcome, BrokenTask) else outcome
+            for task, outcome in pool.results()
         }
     return {derived.file: (ended.get(f"{derived.file} old", ""), ended[f"{derived.file} new"])
             for derived in derived_files if derived.new is not None}  # fmt: skip

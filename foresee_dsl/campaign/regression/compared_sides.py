@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
-from foresee_dsl.campaign.regression.comparison import Ran, Side
+from foresee_dsl.campaign.regression.comparison import ComparedRun, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import LONGEST_S
 from foresee_dsl.documents import plain
@@ -45,18 +45,19 @@ def side_of_campaign(folder: Path) -> Side:
     return Side(label, runs, broken)
 
 
-def _runs_in(data: Mapping[str, Any]) -> Iterator[Ran]:
+def _runs_in(data: Mapping[str, Any]) -> Iterator[ComparedRun]:
     verdicts = {verdict.value: verdict for verdict in Verdict}
     families = {}
     for run in data["test_cases"]:
         families[run["test_case"]] = run["family"]
-        yield Ran(run["meaning"], run["test_case"], run["family"], verdicts[run["verdict"]], run["reason"],
-                  run.get("near_misses"), tuple(run.get("broken_expectations", ())))  # fmt: skip
+        yield ComparedRun(run["meaning"], run["test_case"], run["family"], verdicts[run["verdict"]], run["reason"],
+                          run.get("near_misses"), tuple(run.get("broken_expectations", ())))  # fmt: skip
     for clip in data["clip_runs"]:
         for run in clip["children"]:
-            yield Ran(run["meaning"], run["mutant"], families.get(clip["test_case"], ""), verdicts[run["verdict"]],
-                      run["reason"], run.get("near_misses"),
-                      tuple(run.get("broken_expectations", ())))  # fmt: skip
+            yield ComparedRun(
+                run["meaning"], run["mutant"], families.get(clip["test_case"], ""), verdicts[run["verdict"]],
+                run["reason"], run.get("near_misses"), tuple(run.get("broken_expectations", ())),
+            )  # fmt: skip
 
 
 def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
@@ -94,7 +95,7 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
     """
     find_driver(driver)
     numbers = {str(k): test for k, test in enumerate(tests)}
-    runs: dict[str, Ran] = {}
+    runs: dict[str, ComparedRun] = {}
     broken: list[str] = []
     label, longest_s = driver, deadlines.for_run_s(LONGEST_S)
     with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
@@ -104,20 +105,22 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
         )
         for task, outcome in pool.results():
             test = numbers[task.name]
-            if not isinstance(outcome, Broken):
+            if not isinstance(outcome, BrokenTask):
                 runs[task.name], label = outcome
             elif outcome.how == "raised":
                 broken.append(f"{test.address}: {outcome.reason}")
             else:
                 verdict, reason = broken_verdict(outcome)
-                runs[task.name] = Ran(test.address, test.address, "", verdict, reason)
+                runs[task.name] = ComparedRun(test.address, test.address, "", verdict, reason)
     return Side(label, tuple(runs[number] for number in numbers if number in runs), tuple(sorted(broken)))
 
 
-def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Ran, str]:
+def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[ComparedRun, str]:
     case = load_test_case(test.address)
     result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
     reason = result.reason or result.verdict.label
     near = plain(result.near_misses)
-    return Ran(test.address, test.address, case.family, result.verdict, reason, near, result.broken_expectations), label
+    return ComparedRun(
+        test.address, test.address, case.family, result.verdict, reason, near, result.broken_expectations
+    ), label

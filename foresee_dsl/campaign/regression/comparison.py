@@ -44,7 +44,7 @@ braking. Each smallest reported change is several times the effect of a decision
 
 
 @dataclass(frozen=True)
-class Ran:
+class ComparedRun:
     """The run of one test case by one driver.
 
     Attributes:
@@ -76,7 +76,7 @@ class Side:
     """All runs of one version. `label`: its name. `broken`: tests that could not be run, with reasons."""
 
     label: str
-    runs: tuple[Ran, ...]
+    runs: tuple[ComparedRun, ...]
     broken: tuple[str, ...] = ()
 
 
@@ -93,8 +93,8 @@ class Change(StrEnum):
 class Pair:
     """The same test case on both sides."""
 
-    base: Ran
-    new: Ran
+    base: ComparedRun
+    new: ComparedRun
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -276,8 +276,8 @@ def exact_p(first: int, second: int) -> float:
     return min(1.0, 2 * tail / float(2**total))
 
 
-def _by_key(side: Side) -> dict[str, Ran]:
-    runs: dict[str, Ran] = {}
+def _by_key(side: Side) -> dict[str, ComparedRun]:
+    runs: dict[str, ComparedRun] = {}
     for ran in side.runs:
         if ran.verdict is not Verdict.INVALID:
             runs.setdefault(ran.key, ran)

@@ -21,7 +21,7 @@ from foresee_dsl.language.project.loading import load_test_case
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptTest:
     """One test case of a suite.
 
     Attributes:
@@ -43,7 +43,7 @@ class Report:
     `removed`: files removed by `--prune`.
     """
 
-    tests: tuple[Kept, ...] = ()
+    tests: tuple[KeptTest, ...] = ()
     parents: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
     removed: tuple[Path, ...] = ()
@@ -114,14 +114,14 @@ class _Writer:
         self.parents: list[Path] = []
         self.notes: list[str] = []
 
-    def test(self, source: Source, name: str) -> Kept:
+    def test(self, source: Source, name: str) -> KeptTest:
         """Plan the file of a test and return its entry.
 
         Raises:
             ForeseeError: there is another test case of that name.
         """
         file = self._folder / f"{name}{a.SUFFIX}"
-        kept = Kept(file, not (file.exists() or file in self._new), source.minimised, source.sentence)
+        kept = KeptTest(file, not (file.exists() or file in self._new), source.minimised, source.sentence)
         if file in self._new:
             raise ForeseeError(f"two of them have the name {name!r}: keep them one by one, with `--as NAME`")
         if file.exists():
@@ -141,7 +141,7 @@ class _Writer:
         self._new[file] = text.encode()
         return kept
 
-    def write(self, sources: Sequence[Source], tests: Sequence[Kept]) -> None:
+    def write(self, sources: Sequence[Source], tests: Sequence[KeptTest]) -> None:
         """Write all files, required ones first; remove them again if a test's meaning has changed."""
         written: list[Path] = []
         try:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.regression.edits import line_of, with_expected
 from foresee_dsl.campaign.regression.expectations import (
@@ -158,11 +158,11 @@ class _Pool:
             )  # fmt: skip
             for task, outcome in pool.results():
                 test = numbers[task.name]
-                results[task.name] = _broken(test, outcome, self.driver) if isinstance(outcome, Broken) else outcome
+                results[task.name] = _broken(test, outcome, self.driver) if isinstance(outcome, BrokenTask) else outcome
         return tuple(results[number] for number in numbers)
 
 
-def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
+def _broken(test: SuiteTest, broken: BrokenTask, driver: str) -> Recheck:
     """Return the result of a test whose run broke."""
     verdict, reason = broken_verdict(broken)
     ending = Ending(verdict, hangs=verdict is Verdict.TIMEOUT)

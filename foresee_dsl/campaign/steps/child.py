@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import notes_of, run_test_case
-from foresee_dsl.campaign.findings.failures import NOTHING, Explained, explained
+from foresee_dsl.campaign.findings.failures import NOTHING, Explanation, explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
@@ -128,7 +128,7 @@ def with_sentence(mutant: Mutant, sentence: str) -> str:
     return print_model(mutant, comments)
 
 
-def with_found(mutant: Mutant, reason: str, explanation: Explained = NOTHING) -> Mutant:
+def with_found(mutant: Mutant, reason: str, explanation: Explanation = NOTHING) -> Mutant:
     """Return the mutant with its run's result in the origin block, and whether a failure was preventable."""
     lines: dict[str, str | None] = {"found": reason, "preventable": None, "anticipating": None}
     lines |= dict(judgement.origin for judgement in explanation.judgements if judgement.origin is not None)

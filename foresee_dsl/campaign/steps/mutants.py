@@ -30,7 +30,7 @@ SEARCHED_FOR = 3
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RequestedMutant:
     """A mutant that a round requests.
 
     Attributes:
@@ -55,7 +55,7 @@ class RoundRequest:
     """
 
     round: int = 0
-    children: tuple[Wanted, ...] = ()
+    children: tuple[RequestedMutant, ...] = ()
     plans: tuple[PlanNames, ...] = ()
     existing: tuple[str, ...] = ()
 

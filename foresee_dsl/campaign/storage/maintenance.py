@@ -97,7 +97,7 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
 
 
 @dataclass(frozen=True)
-class Merged:
+class MergeCounts:
     """Result of `merge`, in numbers of results.
 
     Attributes:
@@ -112,7 +112,7 @@ class Merged:
     without_trace: int
 
 
-def merge(sources: Sequence[Path], into: Path) -> Merged:
+def merge(sources: Sequence[Path], into: Path) -> MergeCounts:
     """Copy the results of several stores into an existing or new one; the sources are not changed.
 
     Raises:
@@ -137,7 +137,7 @@ def merge(sources: Sequence[Path], into: Path) -> Merged:
                         target.add(row, trace)
                         new += 1
                 damaged += len(source.damaged)
-    return Merged(new, already_there, damaged, without_trace)
+    return MergeCounts(new, already_there, damaged, without_trace)
 
 
 def export(store: Store, file: Path) -> int:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.errors import Diagnostic
     from foresee_dsl.language.codes.code import Code
-    from foresee_dsl.language.project.checked_files import Checked
+    from foresee_dsl.language.project.checked_files import CheckResult
 
 Paths = Annotated[
     list[str],
@@ -71,13 +71,13 @@ def check(
     foresee check --format github --strict scenarios[/dim]
     """
     from foresee_dsl.errors import InputError
-    from foresee_dsl.language.project.checked_files import Checked, check_paths
+    from foresee_dsl.language.project.checked_files import CheckResult, check_paths
 
     wanted, unwanted = _codes(select, "--select"), _codes(ignore, "--ignore")
     try:
         result = check_paths(paths, allow_outside=allow_outside)
     except InputError as error:  # a missing file is reported in the requested format too
-        result = Checked(0, (), error.diagnostics)
+        result = CheckResult(0, (), error.diagnostics)
     diagnostics: list[Diagnostic] = list(result.diagnostics)
     if result.campaigns:
         from foresee_dsl.campaign.campaign_file import mistakes_of  # slow: it searches for plug-ins
@@ -112,7 +112,7 @@ def _codes(options: Iterable[str] | None, option: str) -> tuple[str, ...]:
     return codes
 
 
-def _print(format_: str, result: Checked, diagnostics: Sequence[Diagnostic], *, failed: bool) -> None:
+def _print(format_: str, result: CheckResult, diagnostics: Sequence[Diagnostic], *, failed: bool) -> None:
     def data() -> str:
         return json_document(
             {"ok": not failed, "files": result.files, "test_cases": len(result.cases), "diagnostics": diagnostics}
@@ -124,7 +124,7 @@ def _print(format_: str, result: Checked, diagnostics: Sequence[Diagnostic], *, 
         give(rendered(format_, CommandReport("check", data, mistakes=lambda: diagnostics)))
 
 
-def _print_for_people(result: Checked, diagnostics: Sequence[Diagnostic]) -> None:
+def _print_for_people(result: CheckResult, diagnostics: Sequence[Diagnostic]) -> None:
     if diagnostics:
         print_diagnostics(tuple(diagnostics))
     if not any(d.severity == "error" for d in diagnostics):

@@ -61,7 +61,7 @@ def give_programs(root: Element) -> int:
 
 
 @dataclass(frozen=True)
-class Fixed:
+class SignalFixes:
     """What `fix_times` changed: the number of programs that reacted to traffic, and the number of second and further
     programs of signals that it removed.
     """
@@ -74,7 +74,7 @@ class Fixed:
         return bool(self.reacting or self.others)
 
 
-def fix_times(root: Element) -> Fixed:
+def fix_times(root: Element) -> SignalFixes:
     """Give each signal for road traffic a single program of fixed times with its own stages.
 
     There are two reasons: SUMO 1.28 cannot load the state of an actuated program, so a run could not start from a
@@ -96,7 +96,7 @@ def fix_times(root: Element) -> Fixed:
             for name in ("minDur", "maxDur", "next"):
                 phase.attrib.pop(name, None)
         reacting += 1
-    return Fixed(reacting, others)
+    return SignalFixes(reacting, others)
 
 
 def stages_of(headings: Mapping[str, float]) -> list[tuple[str, tuple[str, ...]]]:

@@ -16,7 +16,7 @@ from foresee_dsl.compile.bundle import (
     Signal,
     SlipperyPatch,
     Steering,
-    Timed,
+    TimedValue,
 )
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
@@ -442,9 +442,9 @@ def _steering(steers: m.Steers) -> Steering:
     return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))
 
 
-def _timed(value: m.Value, statement: m.Line | m.Brakes) -> Timed:
+def _timed(value: m.Value, statement: m.Line | m.Brakes) -> TimedValue:
     until_s = math.inf if statement.duration is None else si(statement.start) + si(statement.duration)
-    return Timed(si(value), si(statement.start), until_s)
+    return TimedValue(si(value), si(statement.start), until_s)
 
 
 def _arrives(condition: m.Condition) -> bool:

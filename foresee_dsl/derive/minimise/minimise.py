@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from foresee_dsl.derive.clipping.fidelity import with_fidelity
 from foresee_dsl.derive.minimise.boundary import boundaries
 from foresee_dsl.derive.minimise.candidate import Subject, TrialCandidate
-from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
+from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
 from foresee_dsl.derive.minimise.reductions import reduce
 from foresee_dsl.derive.minimise.trials import TrialJudge, Trials
 from foresee_dsl.errors import ForeseeError
@@ -36,7 +36,7 @@ class Minimal:
 
     clip: m.Clip
     mutant: m.Mutant
-    dropped: Dropped
+    dropped: DropCounts
     boundaries: tuple[Boundary, ...]
     runs: int
     complete: bool
@@ -86,9 +86,9 @@ def _clip_meaning(trials: Trials, whole: TrialCandidate) -> str:
     return built.clip_case.meaning if built is not None else ""
 
 
-def _dropped(subject: Subject, whole: TrialCandidate, reduced: TrialCandidate, clip: m.Clip) -> Dropped:
+def _dropped(subject: Subject, whole: TrialCandidate, reduced: TrialCandidate, clip: m.Clip) -> DropCounts:
     cut = subject.cut(reduced.first, reduced.last)
-    return Dropped(
+    return DropCounts(
         changes=len(whole.changes) - len(reduced.changes),
         actors=len(reduced.actors),
         signals=len(reduced.signals),
@@ -101,7 +101,7 @@ def _triggers(clip: m.Clip) -> int:
     return sum(isinstance(item, m.When) for item in clip.body)
 
 
-def _with_origin(mutant: m.Mutant, clip: m.Clip, dropped: Dropped, edges: tuple[Boundary, ...]) -> m.Mutant:
+def _with_origin(mutant: m.Mutant, clip: m.Clip, dropped: DropCounts, edges: tuple[Boundary, ...]) -> m.Mutant:
     """Return the mutant with an origin that states what was left out and where the boundaries are."""
     parts = [f"without {dropped.text}"] if dropped.text else []
     parts += [edge.sentence for edge in edges]

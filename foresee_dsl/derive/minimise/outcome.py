@@ -9,7 +9,7 @@ from foresee_dsl.documents import every_field
 
 
 @dataclass(frozen=True)
-class Dropped:
+class DropCounts:
     """Numbers of the changes, actors, signals and triggers that were left out.
 
     `seconds`: by how much the clip was shortened.

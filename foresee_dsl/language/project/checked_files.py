@@ -14,7 +14,7 @@ from foresee_dsl.language.project.loading import Project
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckResult:
     """The result of a check: the number of files, the test cases that could be loaded, and the diagnostics."""
 
     files: int
@@ -26,7 +26,7 @@ class Checked:
 
 def check_paths(
     paths: Iterable[str], overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
-) -> Checked:
+) -> CheckResult:
     """Check files, folders and addresses; every error is reported once, and an error in one file does not hide those of
     others.
 
@@ -56,7 +56,7 @@ def check_paths(
             diagnostics |= dict.fromkeys(error.diagnostics)
     diagnostics |= dict.fromkeys(project.warnings)
     diagnostics |= dict.fromkeys(_lints(cases, {d.path for d in diagnostics if d.severity == "error"}))
-    return Checked(len({file for _, file in addresses}), tuple(cases), tuple(diagnostics), tuple(campaigns))
+    return CheckResult(len({file for _, file in addresses}), tuple(cases), tuple(diagnostics), tuple(campaigns))
 
 
 def _lints(cases: Iterable[TestCase], broken: Container[str]) -> Iterator[Diagnostic]:

@@ -31,7 +31,7 @@ _APART = "<!-- -->"
 """Invisible comment that is inserted at these places, so that no link begins."""
 
 
-class Marked(str):
+class MarkdownText(str):
     """A text that is already Markdown and must not be escaped."""
 
     __slots__ = ()
@@ -64,7 +64,7 @@ def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
     Args:
         contents: the contents of the report. strips: for each finding the address of its picture, or "".
     """
-    pairs = zip(contents.findings, (Marked(strip) for strip in strips), strict=True)
+    pairs = zip(contents.findings, (MarkdownText(strip) for strip in strips), strict=True)
     sections = [(finding, strip) for finding, strip in pairs if not finding.folded]
     low, high = 0, len(sections)
     while low < high:  # a binary search for the largest number of sections that fit
@@ -76,10 +76,10 @@ def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
     return _rendered(contents, sections, low)
 
 
-def _rendered(contents: Contents, sections: Sequence[tuple[FindingEntry, Marked]], count: int) -> str:
+def _rendered(contents: Contents, sections: Sequence[tuple[FindingEntry, MarkdownText]], count: int) -> str:
     text = _templates().get_template("report.md.j2").render(
         contents=contents, sections=sections[:count], left=[finding for finding, _ in sections[count:]], code=code,
-        block=block, mark=Marked, code_free=escaped, commands=lambda run: "\n".join(run.command_lines),
+        block=block, mark=MarkdownText, code_free=escaped, commands=lambda run: "\n".join(run.command_lines),
     )  # fmt: skip
     return re.sub(r"\n{3,}", "\n\n", text)
 
@@ -94,22 +94,22 @@ def _escaped_text(value: Any) -> Any:  # noqa: ANN401 - whatever a template inse
     return escaped(value) if type(value) is str else value
 
 
-def escaped(text: object) -> Marked:
+def escaped(text: object) -> MarkdownText:
     """Return a text escaped so that Markdown shows it literally: no markup, HTML, links, mentions or table cells."""
     plain = _SPECIAL.sub(lambda sign: f"&#{ord(sign[0])};", safe(text, _LONGEST_TEXT))
-    return Marked(_LINKS.sub(_APART, plain))
+    return MarkdownText(_LINKS.sub(_APART, plain))
 
 
-def code(text: object) -> Marked:
+def code(text: object) -> MarkdownText:
     """Return a text as inline code that may also be in the cell of a table."""
     plain = safe(text, _LONGEST_TEXT)
     fence = "`" * (max((len(run) for run in re.findall("`+", plain)), default=0) + 1)
     pad = " " if plain.startswith("`") or plain.endswith("`") else ""
-    return Marked(f"{fence}{pad}{plain}{pad}{fence}".replace("|", "\\|")) if plain.strip() else Marked("")
+    return MarkdownText(f"{fence}{pad}{plain}{pad}{fence}".replace("|", "\\|")) if plain.strip() else MarkdownText("")
 
 
-def block(text: str, language: str) -> Marked:
+def block(text: str, language: str) -> MarkdownText:
     """Return lines as a block of code; backticks in them do not end it."""
     lines = [safe(line, _LONGEST_CODE) for line in text.split("\n")]
     fence = "`" * max(3, max((len(run) for line in lines for run in re.findall("`+", line)), default=0) + 1)
-    return Marked("\n".join([f"{fence}{language}", *lines, fence]))
+    return MarkdownText("\n".join([f"{fence}{language}", *lines, fence]))

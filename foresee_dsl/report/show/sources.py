@@ -18,7 +18,7 @@ from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.addresses import is_file, parse_address
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.unfired import Unfired
+from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.simulate.triggers.unfired import unfired
 
@@ -56,7 +56,7 @@ class ShownRun:
         return compile_test_case(self.case)
 
     @cached_property
-    def unfired(self) -> tuple[Unfired, ...]:
+    def unfired(self) -> tuple[UnfiredTrigger, ...]:
         """Return the triggers that never fired, and how near they came to it."""
         return unfired(self.case.scenario, lambda: self.bundle, self.trace, sensors_of(self.driver))
 

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from foresee_dsl.avoidance.causes import IdealRun
-from foresee_dsl.campaign.findings.diagnosing import Diagnosed
+from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.report.terminal.review import wrapped
 
 _NONE = "none (planning, or no driver could)"
@@ -16,12 +16,12 @@ _PARTS = 22
 """Width of the column with the parts' names, columns."""
 
 
-def diagnosis_text(result: Diagnosed, *, short: bool = False) -> str:
+def diagnosis_text(result: DiagnosedFailure, *, short: bool = False) -> str:
     """Return a diagnosis as text; `short`: without the table of runs."""
     return "\n".join(_lines(result, short=short)) + "\n"
 
 
-def _lines(result: Diagnosed, *, short: bool) -> Iterator[str]:
+def _lines(result: DiagnosedFailure, *, short: bool) -> Iterator[str]:
     number = f"{result.number}. " if result.number else ""
     diagnosis = result.diagnosis
     if diagnosis is None:
@@ -51,7 +51,7 @@ def _row(run: IdealRun) -> Iterator[str]:
         yield from lines
 
 
-def counts_text(results: Sequence[Diagnosed]) -> str:
+def counts_text(results: Sequence[DiagnosedFailure]) -> str:
     """Return the number of findings by the part that causes them."""
     causes = Counter(" + ".join(r.diagnosis.cause) or _NONE for r in results if r.diagnosis is not None)
     lines = [

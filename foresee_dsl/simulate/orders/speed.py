@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, Protocol
 
-from foresee_dsl.compile.bundle import Timed
+from foresee_dsl.compile.bundle import TimedValue
 from foresee_dsl.compile.roads.network import StopPlace
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Meets
@@ -223,7 +223,9 @@ class Braking:
     the actor drives as before.
     """
 
-    def __init__(self, simulation: Simulation, actor: SimulatedActor, brakes: Timed, *, acts: bool = False) -> None:
+    def __init__(
+        self, simulation: Simulation, actor: SimulatedActor, brakes: TimedValue, *, acts: bool = False
+    ) -> None:
         self._simulation, self._actor, self._brakes = simulation, actor, brakes
         self.acts = acts
         """Whether the order brakes the actor now."""

@@ -81,7 +81,7 @@ Series = Mapping[Measure, FloatArray]
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class MeasureValues:
     """The values of all measures at some frames, [N] each; NaN where a measure has no value."""
 
     frames: IntArray
@@ -106,7 +106,7 @@ def criticality(trace: Trace, actor: int) -> Series:
     return values
 
 
-def of_contacts(run: Footprints, actor: int, contacts: Contacts) -> Evaluated:
+def of_contacts(run: Footprints, actor: int, contacts: Contacts) -> MeasureValues:
     """Return the measures of predicted contacts with an actor."""
     frames, ttc, closing = contacts.frames, contacts.ttc_s, contacts.closing_mps
     own, other = run.speed[frames, 0], run.speed[frames, actor]
@@ -122,7 +122,7 @@ def of_contacts(run: Footprints, actor: int, contacts: Contacts) -> Evaluated:
         else formulas.serious_injury_risk(change)
     )
     braking = formulas.braking_required(ttc, closing, np.nan_to_num(pulls))
-    return Evaluated(
+    return MeasureValues(
         frames,
         {
             Measure.TTC: ttc,
@@ -137,12 +137,12 @@ def of_contacts(run: Footprints, actor: int, contacts: Contacts) -> Evaluated:
     )
 
 
-def of_place(run: Footprints, actor: int, frames: IntArray) -> Evaluated:
+def of_place(run: Footprints, actor: int, frames: IntArray) -> MeasureValues:
     """Return the measures of an actor ahead of or beside the ego, by its place along the ego's path."""
     ego, other = run.path(0), run.xy[:, actor]
     frames = frames[(run.apart[frames, actor - 1] <= AHEAD_M) & ~np.isnan(ego.along[frames])]  # False where absent
     if not frames.size:
-        return Evaluated(frames, {})
+        return MeasureValues(frames, {})
     here = ego.along[frames]
     marks = np.arange(max(float(here.min()) - BESIDE_M, 0.0), float(here.max()) + AHEAD_M, _EVERY_M)
     x, y = ego.places(marks)
@@ -168,7 +168,7 @@ def of_place(run: Footprints, actor: int, frames: IntArray) -> Evaluated:
     wide = beside - formulas.rss_lateral_distance(np.zeros(len(own)), nears)
     # A safe distance in one direction is enough. Where the lateral distance is too small, the longitudinal one decides.
     safe = np.where(wide < 0, far, np.maximum(far, wide))
-    return Evaluated(
+    return MeasureValues(
         frames,
         {
             Measure.THW: np.where(same & drives & (beside < 0) & (gap >= 0), headway, np.nan),

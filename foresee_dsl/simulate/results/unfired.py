@@ -50,7 +50,7 @@ class Nearest:
 
 
 @dataclass(frozen=True)
-class Unfired:
+class UnfiredTrigger:
     """A trigger, or a step of one, that never began in a run, although it waited for its condition.
 
     Attributes:

@@ -11,7 +11,7 @@ from typing import Literal, Self
 
 from foresee_dsl.documents import rounded
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
-from foresee_dsl.simulate.results.unfired import Unfired
+from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import Trace
 
@@ -221,7 +221,7 @@ class RunResult:
     """What the developer of the driver may want to know: the driver's output, exception, or hang."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
-    unfired: tuple[Unfired, ...] = ()
+    unfired: tuple[UnfiredTrigger, ...] = ()
     """Triggers and steps that never began in the run; computed only on request (`simulate.triggers.unfired`)."""
 
     @property

@@ -12,7 +12,7 @@ import contextlib
 import math
 from typing import Any, TypeVar, assert_never
 
-from foresee_dsl.compile.bundle import Timed
+from foresee_dsl.compile.bundle import TimedValue
 from foresee_dsl.compile.placement.doors import door_side
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.statements import lane_kind
@@ -245,7 +245,7 @@ class Director:
         self.event("brakes_for", detail, actor.id)
         now_s = self._simulation.time_s
         return self._orders.give(
-            actor, Braking(self._simulation, actor, Timed(braking_mps2, now_s, now_s + duration_s), acts=True)
+            actor, Braking(self._simulation, actor, TimedValue(braking_mps2, now_s, now_s + duration_s), acts=True)
         )
 
     def _halt(self, actor: SimulatedActor, action: m.StopsAt) -> IsComplete:
@@ -392,7 +392,7 @@ def _at_once() -> bool:
     return True
 
 
-def _there_and_back(actor: str, strays: Timed) -> list[tuple[float, m.ChangesLine]]:
+def _there_and_back(actor: str, strays: TimedValue) -> list[tuple[float, m.ChangesLine]]:
     """Return the times and actions with which an actor goes to a temporary line and back."""
     there = m.ChangesLine(actor=actor, to=m.Quantity.of(strays.value, "length", 4))
     back = there.model_copy(update={"to": m.Quantity.of(0.0, "length", 4)})

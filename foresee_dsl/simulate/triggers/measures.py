@@ -32,7 +32,7 @@ class Cost(IntEnum):
     MARGIN = 4
 
 
-class Measured:
+class BoundMeasure:
     """A measure such as `ego.speed`, bound to one run.
 
     Attributes:
@@ -55,7 +55,7 @@ class Measured:
         return self.value()
 
 
-class _Time(Measured):
+class _Time(BoundMeasure):
     """The measure `time`."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
@@ -66,7 +66,7 @@ class _Time(Measured):
         return self.run.simulation.time_s
 
 
-class _State(Measured):
+class _State(BoundMeasure):
     """The measures `a.speed` and `a.acceleration`: numbers of the state table."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
@@ -78,7 +78,7 @@ class _State(Measured):
         return math.nan if self.run.actor(self.name) is None else self.run.states.item(*self._place)
 
 
-class _ToJunction(Measured):
+class _ToJunction(BoundMeasure):
     """The measures `distance(a, j4)` and `a.eta(j4)`: along the route to the point where the actor enters a
     junction.
     """
@@ -98,7 +98,7 @@ class _ToJunction(Measured):
         return math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
 
 
-class _BetweenFootprints(Measured):
+class _BetweenFootprints(BoundMeasure):
     """The measures between footprints: `distance(a, b)`, `ttc(a, b)`, `headway(a, b)`."""
 
     def __init__(self, measure: m.Measure, run: Conditions) -> None:
@@ -126,7 +126,7 @@ class _BetweenFootprints(Measured):
         return gap_within(*self._table, bound * speed_mps) / speed_mps
 
 
-class _Offset(Measured):
+class _Offset(BoundMeasure):
     """The measure `a.offset`: the lateral distance from the centreline of the actor's lane."""
 
     def value(self) -> float:
@@ -135,7 +135,7 @@ class _Offset(Measured):
         return math.nan if lane is None else lane[1]
 
 
-class _AlongTheWay(Measured):
+class _AlongTheWay(BoundMeasure):
     """The measures along an actor's way: `lateral(a, b)`, `overlap(a, b)`, `ttc_along(a, b)`,
     `relative_speed(a, b)`.
     """
@@ -153,9 +153,9 @@ class _AlongTheWay(Measured):
         return actor.speed - other.speed * math.cos(other.heading - actor.heading)
 
 
-def measured(measure: m.Measure, run: Conditions) -> Measured:
+def measured(measure: m.Measure, run: Conditions) -> BoundMeasure:
     """Return a measure, bound to a run."""
-    kind: type[Measured]
+    kind: type[BoundMeasure]
     match measure.what:
         case "time":
             kind = _Time

@@ -27,7 +27,7 @@ from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.results.unfired import Nearest, Unfired
+from foresee_dsl.simulate.results.unfired import Nearest, UnfiredTrigger
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.signals import colour_shown
@@ -43,7 +43,7 @@ from foresee_dsl.simulate.world import World
 @Part.JUDGING.measured
 def unfired(
     scenario: m.Scenario, compiled: Callable[[], SumoBundle], trace: Trace, sensors: SensorSettings = STANDARD
-) -> tuple[Unfired, ...]:
+) -> tuple[UnfiredTrigger, ...]:
     """Return the triggers and steps of a run that waited but never began, in the file's order.
 
     Triggers that could not fire at any frame, such as one that keeps an actor waiting in a clip, are left out; so are
@@ -129,13 +129,15 @@ class _Followed:
             left = tuple(part.now() for part, holds in zip(self._parts, held, strict=True) if not holds)
             self._most = (sum(held), left)
 
-    def result(self) -> Unfired:
+    def result(self) -> UnfiredTrigger:
         """Return how near the condition came to holding."""
         waiting = self._waiting
         short = tuple(part.nearest for part in self._parts if not part.ever)
         nearest = short or tuple(replace(part, held=True) for part in self._most[1])
-        return Unfired(written(waiting.condition), waiting.name, waiting.index, waiting.where, waiting.since_s, nearest,
-                       together=not short)  # fmt: skip
+        return UnfiredTrigger(
+            written(waiting.condition), waiting.name, waiting.index, waiting.where, waiting.since_s, nearest,
+            together=not short,
+        )  # fmt: skip
 
 
 @dataclass

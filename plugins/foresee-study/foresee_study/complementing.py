@@ -14,11 +14,11 @@ from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.language.project.document import TestCase
 from foresee_study.fuzz.settings import FuzzSettings
 from foresee_study.fuzzed import Fuzzed
-from foresee_study.measured import Measured
+from foresee_study.measured import MeasuredCampaign
 from foresee_study.questions import campaigns
-from foresee_study.settings import SECOND_ITERATION, StudySettings, Wanted
+from foresee_study.settings import SECOND_ITERATION, StudyCampaign, StudySettings
 
-Forecasts = Callable[[Wanted, Sequence[TestCase]], Measured | None]
+Forecasts = Callable[[StudyCampaign, Sequence[TestCase]], MeasuredCampaign | None]
 """A function that runs a campaign on test cases; it returns None if the campaign was stopped."""
 Fuzzes = Callable[[FuzzSettings, Sequence[TestCase], int, int], Fuzzed | None]
 """A function that fuzzes test cases in a repetition and an iteration; it returns None if it was stopped."""
@@ -33,7 +33,7 @@ class Split:
     left: frozenset[str]
 
 
-def split(names: Iterable[str], fuzzing: Fuzzed, forecasts: Measured) -> Split:
+def split(names: Iterable[str], fuzzing: Fuzzed, forecasts: MeasuredCampaign) -> Split:
     """Divide test cases by the technique that found a failure; DriveFuzz takes precedence."""
     all_names = frozenset(names)
     by_fuzzing = fuzzing.failed & all_names

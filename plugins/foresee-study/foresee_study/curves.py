@@ -12,7 +12,7 @@ from hashlib import sha256
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
-from foresee_study.measured import Child, Measured, MeasuredClip
+from foresee_study.measured import Child, MeasuredCampaign, MeasuredClip
 from foresee_study.statistics.bootstrap import Interval, percentiles
 
 RESAMPLES = 1000
@@ -26,7 +26,7 @@ class Clock(StrEnum):
     SIMULATED = "simulated"
     WALL = "wall"
 
-    def of(self, item: Child | MeasuredClip | Measured) -> float:
+    def of(self, item: Child | MeasuredClip | MeasuredCampaign) -> float:
         """Return the time of a campaign, clip or child, s."""
         return item.simulated_s if self is Clock.SIMULATED else item.wall_s
 
@@ -88,7 +88,7 @@ class _Parts:
         return area
 
 
-def _parts(measured: Measured, clock: Clock) -> _Parts:
+def _parts(measured: MeasuredCampaign, clock: Clock) -> _Parts:
     ordered = sorted(measured.usable, key=lambda case: sha256(case.name.encode()).digest())
     rows = []
     for number, case in enumerate(ordered):
@@ -107,7 +107,7 @@ def _parts(measured: Measured, clock: Clock) -> _Parts:
     )
 
 
-def curve(measured: Measured, clock: Clock = Clock.SIMULATED) -> Curve:
+def curve(measured: MeasuredCampaign, clock: Clock = Clock.SIMULATED) -> Curve:
     """Return the curve of a campaign: clips of first rank with their children, then those of second rank, and so on.
 
     As in the paper, time begins after the runs of the test cases themselves, which all rankers have in common. Within a
@@ -140,7 +140,7 @@ class Areas:
 
 
 def compared_areas(
-    first: Sequence[Measured], second: Sequence[Measured], clock: Clock = Clock.SIMULATED
+    first: Sequence[MeasuredCampaign], second: Sequence[MeasuredCampaign], clock: Clock = Clock.SIMULATED
 ) -> tuple[Areas, Areas]:
     """Compare two rankers' areas by repetition: up to the earlier end, and up to the later one.
 

@@ -15,7 +15,7 @@ import numpy as np
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import replacing
 from foresee_study.curves import Clock, curve
-from foresee_study.measured import Counted, Measured
+from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import CHOSEN_S, CLIPS_S, POINTS
 from foresee_study.results import Results
 from foresee_study.settings import EXHAUSTIVE
@@ -107,7 +107,7 @@ def _boxes(results: Results) -> Figure | None:
     return figure
 
 
-def _box(axes: Axes, at: float, width: float, campaigns: Sequence[Measured], colour: str) -> None:
+def _box(axes: Axes, at: float, width: float, campaigns: Sequence[MeasuredCampaign], colour: str) -> None:
     names = sorted({case.name for m in campaigns for case in m.usable})
     counts = [{case.name: case.count(Counted.COLLISIONS) for case in m.usable} for m in campaigns]
     means = np.array([np.mean([by_case.get(name, 0) for by_case in counts]) for name in names])
@@ -141,11 +141,11 @@ def _curves(results: Results) -> Figure | None:
     return figure
 
 
-def _end(campaigns: Sequence[Measured], clock: Clock) -> float:
+def _end(campaigns: Sequence[MeasuredCampaign], clock: Clock) -> float:
     return max((curve(m, clock).end_s for m in campaigns), default=0.0)
 
 
-def _step(axes: Axes, campaigns: Sequence[Measured], clock: Clock, end_s: float, ranker: str) -> None:
+def _step(axes: Axes, campaigns: Sequence[MeasuredCampaign], clock: Clock, end_s: float, ranker: str) -> None:
     times = np.linspace(0, end_s, _STEPS)
     counts = np.mean([[line.at(t) for t in times] for line in (curve(m, clock) for m in campaigns)], axis=0)
     axes.step(times / 3600, counts, where="post", color=_COLOURS.get(ranker, _OTHERS), label=ranker)

@@ -12,11 +12,11 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside, write_whole
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.halves import Half
-from foresee_study.measured import Measured
-from foresee_study.settings import StudySettings, Wanted
+from foresee_study.measured import MeasuredCampaign
+from foresee_study.settings import StudyCampaign, StudySettings
 
 SCHEMA = 1
-_KINDS = {"study campaign": Measured, "study fuzzing": Fuzzed}
+_KINDS = {"study campaign": MeasuredCampaign, "study fuzzing": Fuzzed}
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ class StudyFolder:
     def _measured(self) -> Path:
         return self.at / "measured"
 
-    def keep(self, wanted: Wanted, measured: Measured) -> None:
+    def keep(self, wanted: StudyCampaign, measured: MeasuredCampaign) -> None:
         """Write the record of a campaign."""
         _save(self._measured / f"{wanted.name}.json", "study campaign", measured, "cases")
 
-    def campaigns(self) -> tuple[Measured, ...]:
+    def campaigns(self) -> tuple[MeasuredCampaign, ...]:
         """Return the records of all campaigns, in the order of their files.
 
         Raises:

@@ -96,7 +96,7 @@ class MeasuredCase:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCampaign:
     """One campaign of a study.
 
     Attributes:
@@ -144,14 +144,14 @@ class Measured:
         """Return the test cases that passed unmutated."""
         return tuple(case for case in self.cases if case.passed)
 
-    def first_points(self, count: int) -> Measured:
+    def first_points(self, count: int) -> MeasuredCampaign:
         """Return the results that the campaign would have had with at most `count` risky points per test case.
 
         With fewer points a test case has the first of the same clips; nothing else depends on the number.
         """
         return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
 
-    def only(self, names: Iterable[str] | None = None, family: str | None = None) -> Measured:
+    def only(self, names: Iterable[str] | None = None, family: str | None = None) -> MeasuredCampaign:
         """Return the campaign with only these test cases, or with only the test cases of a family."""
         wanted = None if names is None else frozenset(names)
         kept = (c for c in self.cases if (wanted is None or c.name in wanted) and family in (None, c.family))
@@ -194,7 +194,7 @@ class Measured:
             yield from clip.children
 
 
-def avoided(measured: Measured, who: str) -> int:
+def avoided(measured: MeasuredCampaign, who: str) -> int:
     """Return the number of findings of which a judge (of `AVOIDERS`) avoids at least one failure."""
     children = measured.children_run
     return len({child.story for child in children if child.verdict.is_collision and who in child.avoided_by})

@@ -10,10 +10,10 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.story import Story
 from foresee_study.halves import half_of
-from foresee_study.measured import AVOIDERS, Child, Measured, MeasuredCase, MeasuredClip
+from foresee_study.measured import AVOIDERS, Child, MeasuredCampaign, MeasuredCase, MeasuredClip
 
 
-def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
+def measure(stages: Stages, *, group: str, repetition: int) -> MeasuredCampaign:
     """Return the stored results of a campaign; missing steps are left out."""
     settings = stages.settings
     result = assemble(stages, stages.out)
@@ -35,7 +35,7 @@ def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
         )
         for seed in result.seeds
     )
-    return Measured(
+    return MeasuredCampaign(
         group=group,
         driver=settings.driver,
         ranker=settings.ranker,

@@ -12,7 +12,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from foresee_study.curves import compared_areas
-from foresee_study.measured import Counted, Measured, MeasuredCase
+from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase
 from foresee_study.questions import CHOSEN_S, HEAVY_WEATHER
 from foresee_study.results import TOGETHER, Results
 from foresee_study.settings import EXHAUSTIVE
@@ -83,20 +83,22 @@ def _drivers(results: Results, driver: str) -> tuple[str, ...]:
     return results.drivers if driver == TOGETHER else (driver,)
 
 
-def _campaigns(results: Results, driver: str, ranker: str, clip_s: float, points: int = 4) -> tuple[Measured, ...]:
+def _campaigns(
+    results: Results, driver: str, ranker: str, clip_s: float, points: int = 4
+) -> tuple[MeasuredCampaign, ...]:
     return tuple(
         m for name in _drivers(results, driver) for m in results.of_campaign(name, ranker, clip_s, points=points)
     )
 
 
-def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tuple[tuple[Measured, ...], ...]:
+def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tuple[tuple[MeasuredCampaign, ...], ...]:
     """Return foresee's campaigns and another ranker's, for the drivers and repetitions that both rankers have."""
     sides = [_campaigns(results, driver, name, clip_s) for name in ("foresee", ranker)]
     common = {(m.driver, m.repetition) for m in sides[0]} & {(m.driver, m.repetition) for m in sides[1]}
     return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)
 
 
-def _by_case(campaigns: Iterable[Measured], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
+def _by_case(campaigns: Iterable[MeasuredCampaign], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
     """Return a value of each test case, summed over campaigns."""
     sums: dict[str, float] = {}
     for case in (case for measured in campaigns for case in measured.usable):
@@ -110,7 +112,7 @@ def _ratio(above: dict[str, float], below: dict[str, float]) -> Ours | None:
     return Ours(sum(over) / sum(under), ratio_interval(over, under)) if sum(under) else None
 
 
-def _collisions(of: MeasuredCase | Measured) -> float:
+def _collisions(of: MeasuredCase | MeasuredCampaign) -> float:
     return float(of.count(Counted.COLLISIONS))
 
 

@@ -13,11 +13,11 @@ from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import rounded
 from foresee_study.questions import wanted_by
 from foresee_study.running import Cases, watched
-from foresee_study.settings import BUNDLED, StudySettings, Wanted
+from foresee_study.settings import BUNDLED, StudyCampaign, StudySettings
 
 
 @dataclass(frozen=True)
-class Planned:
+class QuestionPlan:
     """The work for a question.
 
     Attributes:
@@ -46,10 +46,12 @@ class Planned:
         }
 
 
-def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None) -> tuple[Planned, ...]:
+def plan_study(
+    names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None
+) -> tuple[QuestionPlan, ...]:
     """Return the work for each question; runs of an earlier question are not counted again."""
     seen: set[str] = set()
-    planned: set[Wanted] = set()
+    planned: set[StudyCampaign] = set()
     plans = []
     for name in names:
         counts: Counter[str] = Counter()
@@ -74,11 +76,11 @@ def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, stor
             fuzzing = _fuzzing(settings, len(cases[BUNDLED]))
             counts["more"] += fuzzing
             seconds += fuzzing * _FUZZED_S
-        plans.append(Planned(name, len(wanted), counts["done"], counts["to run"], counts["more"], seconds))
+        plans.append(QuestionPlan(name, len(wanted), counts["done"], counts["to run"], counts["more"], seconds))
     return tuple(plans)
 
 
-def _following(node: StepNode, wanted: Wanted) -> tuple[int, int]:
+def _following(node: StepNode, wanted: StudyCampaign) -> tuple[int, int]:
     """Return the maximum number of clips and of mutants that may follow from a step without a result."""
     points = min(wanted.risky_points, _USUAL_POINTS)
     match node.step.kind:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 
-from foresee_study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, StudySettings, Wanted
+from foresee_study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, StudyCampaign, StudySettings
 
 CLIPS_S = (6.0, 10.0)
 """Lengths of clips, s: the paper's o_b = o_a of 3 s and of 5 s (section 4.4)."""
@@ -31,7 +31,7 @@ class Question:
     name: str
     title: str
     asks: str
-    wanted: Callable[[StudySettings], Iterable[Wanted]]
+    wanted: Callable[[StudySettings], Iterable[StudyCampaign]]
 
 
 def campaigns(
@@ -42,17 +42,17 @@ def campaigns(
     drivers: Iterable[str] | None = None,
     groups: Iterable[str] = (BUNDLED,),
     repetitions: int | None = None,
-) -> Iterator[Wanted]:
+) -> Iterator[StudyCampaign]:
     """Yield a campaign for each combination and repetition."""
     names = settings.drivers if drivers is None else drivers
     for group, driver, ranker, clip_s in product(groups, names, rankers, clips_s):
         for repetition in range(settings.repetitions if repetitions is None else repetitions):
             seed = settings.seed + repetition
-            yield Wanted(group, driver, ranker, clip_s, repetition, seed, settings.preset,
-                         children=settings.children, against=settings.against)  # fmt: skip
+            yield StudyCampaign(group, driver, ranker, clip_s, repetition, seed, settings.preset,
+                                children=settings.children, against=settings.against)  # fmt: skip
 
 
-def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
+def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[StudyCampaign]:
     """Yield the searches of every second of the test cases.
 
     The failures of these searches are many and similar, and driving them with reference drivers takes most of the time.
@@ -63,28 +63,28 @@ def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> I
     return (replace(wanted, risky_points=EVERY_POINT, against=settings.against or ()) for wanted in searches)
 
 
-def _effectiveness(settings: StudySettings) -> Iterator[Wanted]:
+def _effectiveness(settings: StudySettings) -> Iterator[StudyCampaign]:
     yield from campaigns(settings, _of(settings, "foresee", "proximity"), CLIPS_S)
     yield from exhaustive(settings)
 
 
-def _comparison(settings: StudySettings) -> Iterator[Wanted]:
+def _comparison(settings: StudySettings) -> Iterator[StudyCampaign]:
     yield from campaigns(settings, settings.rankers)
 
 
-def _efficiency(settings: StudySettings) -> Iterator[Wanted]:
+def _efficiency(settings: StudySettings) -> Iterator[StudyCampaign]:
     yield from campaigns(settings, settings.rankers)
     yield from campaigns(settings, _of(settings, "foresee"), CLIPS_S, drivers=settings.searched)
     yield from exhaustive(settings)
 
 
-def _complementarity(settings: StudySettings) -> Iterator[Wanted]:
+def _complementarity(settings: StudySettings) -> Iterator[StudyCampaign]:
     """Return the campaigns of the first iteration; those of the second depend on its results
     (`study.complementing`)."""
     return campaigns(settings, ("foresee",), repetitions=min(settings.fuzz_repetitions, settings.repetitions))
 
 
-def _generality(settings: StudySettings) -> Iterator[Wanted]:
+def _generality(settings: StudySettings) -> Iterator[StudyCampaign]:
     yield from campaigns(settings, ("foresee",), groups=(BUNDLED, *settings.towns))
     for wanted in campaigns(settings, ("foresee",)):
         yield replace(wanted, preset=HEAVY_WEATHER, children=1)
@@ -115,6 +115,6 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
 """The paper's questions (section 4.1), by name."""
 
 
-def wanted_by(names: Iterable[str], settings: StudySettings) -> tuple[Wanted, ...]:
+def wanted_by(names: Iterable[str], settings: StudySettings) -> tuple[StudyCampaign, ...]:
     """Return the campaigns that questions need, each once, in the order of the questions."""
     return tuple(dict.fromkeys(wanted for name in names for wanted in QUESTIONS[name].wanted(settings)))

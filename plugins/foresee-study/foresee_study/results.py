@@ -9,7 +9,7 @@ from functools import cached_property
 from foresee_study.folder import StudyFolder
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.halves import Half
-from foresee_study.measured import Counted, Measured
+from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import CHOSEN_S
 from foresee_study.settings import BUNDLED, DRIVERS, EXHAUSTIVE, POINTS, RANKERS, SECOND_ITERATION
 from foresee_study.statistics import Pair
@@ -28,7 +28,7 @@ class Results:
         fuzzings: DriveFuzz's results, for rq4.
     """
 
-    campaigns: tuple[Measured, ...]
+    campaigns: tuple[MeasuredCampaign, ...]
     preset: str
     half: Half = Half.ALL
     fuzzings: tuple[Fuzzed, ...] = ()
@@ -81,7 +81,7 @@ class Results:
         group: str = BUNDLED,
         preset: str = "",
         second: bool = False,
-    ) -> tuple[Measured, ...]:
+    ) -> tuple[MeasuredCampaign, ...]:
         """Return a campaign's repetitions, with at most `points` risky points, of one family or of all.
 
         `preset`: by default the study's. `second`: whether to return those of rq4's second iteration.
@@ -113,7 +113,9 @@ class Results:
                 yield Pair(name, repetition, own[name].count(what), other[name].count(what))
 
 
-def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[Measured], list[Measured]]:
+def paired(
+    first: Sequence[MeasuredCampaign], second: Sequence[MeasuredCampaign]
+) -> tuple[list[MeasuredCampaign], list[MeasuredCampaign]]:
     """Return the campaigns of two rankers that are compared with each other, of one driver.
 
     Campaigns of equal repetition form a pair. The exhaustive search does not choose risky points at random: its single
@@ -128,7 +130,7 @@ def paired(first: Sequence[Measured], second: Sequence[Measured]) -> tuple[list[
     return [a for a, _ in pairs], [b for _, b in pairs]
 
 
-def _of_half(measured: Measured, half: Half) -> Measured:
+def _of_half(measured: MeasuredCampaign, half: Half) -> MeasuredCampaign:
     """Return the part of a campaign that lies in a half.
 
     Test cases of other towns belong to both halves, because no setting was chosen on them.
@@ -144,7 +146,7 @@ def mean(values: Iterable[float]) -> float | None:
     return sum(numbers) / len(numbers) if numbers else None
 
 
-def mean_count(campaigns: Sequence[Measured], what: Counted) -> float | None:
+def mean_count(campaigns: Sequence[MeasuredCampaign], what: Counted) -> float | None:
     """Return the mean number of collisions, findings or avoidable findings of a campaign's repetitions.
 
     None without repetitions, and for avoidable findings also if no reference driver drove the failures.

@@ -23,10 +23,10 @@ from foresee_study.folder import Cost, StudyFolder
 from foresee_study.fuzz.engine import fuzz
 from foresee_study.fuzz.settings import FuzzSettings
 from foresee_study.fuzzed import Fuzzed, fuzzed
-from foresee_study.measured import Measured
+from foresee_study.measured import MeasuredCampaign
 from foresee_study.measuring import measure
 from foresee_study.questions import wanted_by
-from foresee_study.settings import BUNDLED, StudySettings, Wanted
+from foresee_study.settings import BUNDLED, StudyCampaign, StudySettings
 
 Cases = Mapping[str, Sequence[TestCase]]
 """The test cases of each group."""
@@ -71,7 +71,7 @@ def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
     return replace(settings, drivers=tuple(drivers), rankers=rankers), tuple(notes)
 
 
-def watched(wanted: Iterable[Wanted]) -> tuple[tuple[Wanted, ...], tuple[str, ...]]:
+def watched(wanted: Iterable[StudyCampaign]) -> tuple[tuple[StudyCampaign, ...], tuple[str, ...]]:
     """Return the campaigns whose ranker has weights for their driver, and a note on each pair that is left out."""
     kept, notes = [], {}
     for campaign in wanted:
@@ -130,7 +130,7 @@ class _Run:
     ) -> None:  # fmt: skip
         self._settings, self._cases, self._folder, self._store = settings, cases, folder, store
         self._listeners, self._options, self._say, self._work = listeners, options, say, work
-        self._done: dict[Wanted, Measured] = {}
+        self._done: dict[StudyCampaign, MeasuredCampaign] = {}
         budget_s = options.limits.budget_s
         self._ends_s = None if budget_s is None else time.monotonic() + budget_s
         self.costs: dict[str, Cost] = {}
@@ -150,7 +150,9 @@ class _Run:
         self.costs[name] = Cost(round(time.monotonic() - started, 1), self._options.jobs)
         return True
 
-    def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:
+    def _campaign(
+        self, wanted: StudyCampaign, cases: Sequence[TestCase], place: str = "rq4"
+    ) -> MeasuredCampaign | None:
         """Run a campaign and keep its measurements; None if it was stopped. Equal campaigns are run only once."""
         if wanted in self._done:
             return self._done[wanted]

@@ -71,7 +71,7 @@ class StudySettings:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class StudyCampaign:
     """One campaign that a question needs. Questions that need equal campaigns share one.
 
     Attributes:

@@ -14,7 +14,7 @@ from foresee_study.faults.__main__ import FEW, listed
 from foresee_study.faults.approaches import APPROACHES, DEFAULT, Approach
 from foresee_study.faults.benchmark import all_kinds
 from foresee_study.faults.causes import Named, causes_table
-from foresee_study.faults.evidence import Evidence, Failure, Ran
+from foresee_study.faults.evidence import ApproachRun, Evidence, Failure
 from foresee_study.faults.measures import Confusion, confusions, detects, median, scores, weakest
 from foresee_study.faults.sampling import library, name
 from foresee_study.faults.searching import Search, searched
@@ -169,7 +169,7 @@ def failure(finding: str, *, own: bool, **verdicts: bool | None) -> Failure:
 
 
 def evidence(approach: str, *runs: tuple[float, Failure | None], strength: float = 0.4) -> Evidence:
-    return Evidence("pdm/x", strength, approach, tuple(Ran("child", s, found) for s, found in runs), 1.0)
+    return Evidence("pdm/x", strength, approach, tuple(ApproachRun("child", s, found) for s, found in runs), 1.0)
 
 
 @pytest.mark.parametrize(("from_", "tries"), [(0.1, 3), (0.2, 3), (0.4, 3), (0.7, 2), (1.0, 3), (2.0, 3)])

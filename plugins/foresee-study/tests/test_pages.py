@@ -10,7 +10,7 @@ import pytest
 from foresee_study.beside import in_words
 from foresee_study.curves import Clock
 from foresee_study.folder import StudyFolder
-from foresee_study.measured import Child, Counted, Measured, avoided
+from foresee_study.measured import Child, Counted, MeasuredCampaign, avoided
 from foresee_study.results import Results
 from foresee_study.settings import EXHAUSTIVE
 from foresee_study.tables.effectiveness import effectiveness
@@ -103,7 +103,7 @@ def test_the_study_page_says_where_forecasting_pays(stored: dict[str, Results]) 
     assert f"({other[0]} of {other[1]:,}; the forecast's {own[0]} of {own[1]:,})" in text
 
 
-def colliding(campaigns: Iterable[Measured], first: bool) -> tuple[int, int]:
+def colliding(campaigns: Iterable[MeasuredCampaign], first: bool) -> tuple[int, int]:
     """How many children collide, and of how many; of the moments of first rank, or of all."""
     children = [child for m in campaigns for case in m.usable for clip in case.clips
                 if not first or clip.position == 0 for child in clip.children]  # fmt: skip
@@ -127,7 +127,7 @@ def failing(children: Iterable[Child]) -> int:
     return sum(child.verdict.is_failure for child in children)
 
 
-def clips_with(count: Callable[[Iterable[Child]], int], campaigns: Iterable[Measured]) -> int:
+def clips_with(count: Callable[[Iterable[Child]], int], campaigns: Iterable[MeasuredCampaign]) -> int:
     return sum(count(clip.children) > 0 for m in campaigns for case in m.usable for clip in case.clips)
 
 

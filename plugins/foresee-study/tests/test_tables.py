@@ -16,11 +16,11 @@ from foresee_study.folder import StudyFolder
 from foresee_study.fuzz.settings import FuzzSettings
 from foresee_study.fuzzed import CaseSummary, Fuzzed
 from foresee_study.halves import Half, half_of, of_half, sample
-from foresee_study.measured import Child, Counted, Measured, MeasuredCase, MeasuredClip
+from foresee_study.measured import Child, Counted, MeasuredCampaign, MeasuredCase, MeasuredClip
 from foresee_study.paper import children_colliding, children_of_drivefuzz, more_an_hour, of_exhaustive
 from foresee_study.questions import HEAVY_WEATHER, QUESTIONS, wanted_by
 from foresee_study.results import TOGETHER, Results
-from foresee_study.settings import SECOND_ITERATION, StudySettings, Wanted
+from foresee_study.settings import SECOND_ITERATION, StudyCampaign, StudySettings
 from foresee_study.tables.complementarity import complementarity
 from foresee_study.tables.effectiveness import effectiveness
 from foresee_study.tables.efficiency import efficiency
@@ -39,7 +39,7 @@ NAMES = [f"case{k}" for k in range(8)]
 
 
 def made(ranker: str, hits: int, *, driver: str = "pdm", seed: int = 0, repetition: int = 0, preset: str = "paper",
-         names: list[str] = NAMES) -> Measured:  # fmt: skip
+         names: list[str] = NAMES) -> MeasuredCampaign:  # fmt: skip
     """A campaign whose first `hits` test cases have one child that collides; each has two clips of two children."""
     cases = tuple(
         MeasuredCase(
@@ -51,7 +51,7 @@ def made(ranker: str, hits: int, *, driver: str = "pdm", seed: int = 0, repetiti
         )
         for k, name in enumerate(names)
     )  # fmt: skip
-    return Measured("bundled", driver, ranker, preset, 5, 5, 4, 2, repetition, seed, "test", cases)
+    return MeasuredCampaign("bundled", driver, ranker, preset, 5, 5, 4, 2, repetition, seed, "test", cases)
 
 
 def fuzzed(failing: set[str], iteration: int, names: list[str] = NAMES) -> Fuzzed:
@@ -131,7 +131,7 @@ def test_curves_are_read_off_the_repetitions_that_are_compared() -> None:
 
 
 def test_avoidable_findings_of_an_exhaustive_search_count_where_reference_drivers_drove_its_failures() -> None:
-    def avoidable(everything: Measured) -> str:
+    def avoidable(everything: MeasuredCampaign) -> str:
         table = effectiveness(Results((made("foresee", 4), everything), "paper"))[-2]
         return next(r for r in rows_of(table) if r["ranking"] == "exhaustive")["avoidable findings, number"]
 
@@ -180,7 +180,7 @@ def test_the_second_iteration_gets_what_neither_brought_to_fail(scenarios: Path)
         return replace(fuzzed(set(), iteration, []), seeds=tuple(
             replace(fuzzed({"case0"}, 1).seeds[0], name=name) for name in names[:1]))  # fmt: skip
 
-    def forecasts(wanted: Wanted, given: object) -> Measured:
+    def forecasts(wanted: StudyCampaign, given: object) -> MeasuredCampaign:
         asked.append((wanted.ranker, wanted.seed, len(given)))  # type: ignore[arg-type]
         found = made("foresee", 0)
         return replace(found, cases=tuple(replace(found.cases[0], name=name) for name in names))
@@ -260,7 +260,7 @@ def test_halves_are_by_the_name_whatever_its_folder(scenarios: Path) -> None:
 
 def test_what_is_kept_is_read_again(tmp_path: Path) -> None:
     folder = StudyFolder(tmp_path)
-    folder.keep(Wanted("bundled", "pdm", "foresee", 10, 0, 0, "paper"), made("foresee", 3))
+    folder.keep(StudyCampaign("bundled", "pdm", "foresee", 10, 0, 0, "paper"), made("foresee", 3))
     folder.keep_fuzzed(fuzzed({"case1"}, 1))
     assert folder.campaigns() == (made("foresee", 3),)
     assert folder.fuzzings() == (fuzzed({"case1"}, 1),)

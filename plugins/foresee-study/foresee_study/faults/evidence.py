@@ -38,7 +38,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Ran:
+class ApproachRun:
     """One run: its kind (`seed`, `clip`, `child`), its simulated time (s), and its failure, if any."""
 
     kind: str
@@ -53,10 +53,10 @@ class Evidence:
     fault: str
     strength: float
     approach: str
-    runs: tuple[Ran, ...]
+    runs: tuple[ApproachRun, ...]
     wall_s: float = 0.0
 
-    def within(self, simulated_s: float) -> tuple[Ran, ...]:
+    def within(self, simulated_s: float) -> tuple[ApproachRun, ...]:
         """Return the runs that begin within this simulated time."""
         runs, spent_s = [], 0.0
         for run in self.runs:
@@ -98,7 +98,7 @@ def load(file: Path, key: str) -> Evidence | None:
 
 def _evidence(stored: dict[str, Any]) -> Evidence:
     runs = tuple(
-        Ran(run["kind"], run["simulated_s"], _failure(run["failure"]) if run["failure"] else None)
+        ApproachRun(run["kind"], run["simulated_s"], _failure(run["failure"]) if run["failure"] else None)
         for run in stored.pop("runs")
     )
     return Evidence(runs=runs, **stored)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from foresee_dsl.campaign.execution.pool import Broken, Executor, TaskPart, Update
+from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, TaskPart, Update
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 
@@ -45,7 +45,7 @@ class InOrder(Executor):
                     self._count(step, task.name)
                     yield Update(task, TaskPart(step))
             except Exception as err:  # a step that fails has an outcome of its own
-                yield Update(task, Broken(task, f"{type(err).__name__}: {err}", "raised"))
+                yield Update(task, BrokenTask(task, f"{type(err).__name__}: {err}", "raised"))
             else:
                 yield Update(task, None)
 

@@ -31,9 +31,9 @@ from foresee_study.faults.evidence import (
     DRIVERS,
     NOT_EXCUSED,
     R157,
+    ApproachRun,
     Evidence,
     Failure,
-    Ran,
 )
 from foresee_study.faults.evidence import load as load_evidence
 from foresee_study.faults.evidence import save as save_evidence
@@ -95,15 +95,15 @@ def searched(search: Search, cases: Sequence[TestCase], out: Path) -> Evidence:
     return evidence
 
 
-def _campaign(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Ran, ...]:
+def _campaign(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[ApproachRun, ...]:
     """Run the search's campaign."""
     executor = in_order.InOrder(search.simulated_s)
     return tuple(_ran(_run(search.settings, cases, work, executor), executor, search))
 
 
-def _plain(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Ran, ...]:
+def _plain(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[ApproachRun, ...]:
     """Drive the unchanged test cases, with one seed of the sensors' noise after the other."""
-    runs: list[Ran] = []
+    runs: list[ApproachRun] = []
     left_s = search.simulated_s
     for seed in range(search.seed, search.seed + MOST_SEEDS):
         executor = in_order.InOrder(left_s, in_order.PLAIN)
@@ -125,11 +125,11 @@ def _run(
         return run_campaign(cases, settings, out=work / "out", store=store, options=options)
 
 
-def _ran(result: CampaignResult, executor: in_order.InOrder, search: Search) -> Iterator[Ran]:
+def _ran(result: CampaignResult, executor: in_order.InOrder, search: Search) -> Iterator[ApproachRun]:
     """Yield the runs of a campaign in their order, with their failures."""
     failures = dict(_failures(result, search))
     for kind, name, duration_s in executor.order:
-        yield Ran(kind, duration_s, failures.get((kind, name)))
+        yield ApproachRun(kind, duration_s, failures.get((kind, name)))
 
 
 def _failures(result: CampaignResult, search: Search) -> Iterator[tuple[tuple[str, str], Failure]]:

@@ -19,7 +19,7 @@ from pathlib import Path
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import case_name, longest_s
 from foresee_dsl.campaign.execution.engine import Listener
-from foresee_dsl.campaign.execution.pool import Broken, Executor, RunOptions, Task, Update
+from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, Task, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.import_closure import DIGITS
 from foresee_dsl.campaign.keys import driver_identity, step_code
@@ -247,9 +247,9 @@ class _Fuzzing:
 
     def _handle(self, update: Update) -> None:
         progress, number, job = self._running.pop(update.task.key)
-        outcome, broken = update.value, isinstance(update.value, Broken)
-        ended_outside = isinstance(update.value, Broken) and update.value.how == "killed"
-        if isinstance(update.value, Broken):
+        outcome, broken = update.value, isinstance(update.value, BrokenTask)
+        ended_outside = isinstance(update.value, BrokenTask) and update.value.how == "killed"
+        if isinstance(update.value, BrokenTask):
             verdict, reason = broken_verdict(update.value)
             outcome = Outcome("", "broke", verdict, "", reason, 0.0, 0.0, 0.0, Quality())
             self.broken.append(f"{job.name}: {reason}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from foresee_study.complementing import Split, split
 from foresee_study.fuzzed import Fuzzed
-from foresee_study.measured import Measured
+from foresee_study.measured import MeasuredCampaign
 from foresee_study.results import Results, mean
 from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows
 
@@ -17,11 +17,11 @@ class Iteration:
     """One iteration of one repetition: the runs of both techniques, and the failing test cases of each."""
 
     fuzzing: Fuzzed
-    forecast: Measured
+    forecast: MeasuredCampaign
     split: Split
 
     @property
-    def forecast_on_rest(self) -> Measured:
+    def forecast_on_rest(self) -> MeasuredCampaign:
         """Return the forecast on the test cases in which DriveFuzz found no failure."""
         return self.forecast.only(self.split.left | self.split.forecast)
 

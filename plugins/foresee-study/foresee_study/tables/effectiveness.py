@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import product
 
-from foresee_study.measured import Counted, Measured
+from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import CLIPS_S, POINTS
 from foresee_study.results import Results, mean, mean_count, total
 from foresee_study.settings import EXHAUSTIVE
@@ -63,7 +63,7 @@ def _configurations(results: Results, driver: str, family: str, clip_s: float) -
     yield mean(m.count(Counted.COLLISIONS) for m in results.of_campaign(driver, EXHAUSTIVE, clip_s, family=family))
 
 
-def _pair(campaigns: tuple[Measured, ...]) -> tuple[float | None, float | None]:
+def _pair(campaigns: tuple[MeasuredCampaign, ...]) -> tuple[float | None, float | None]:
     return mean(m.clips for m in campaigns), mean(m.count(Counted.COLLISIONS) for m in campaigns)
 
 
@@ -120,7 +120,7 @@ def _rates(results: Results) -> Table:
                  tuple(rows), "ranking", (note,))  # fmt: skip
 
 
-def _shares(campaigns: tuple[Measured, ...], everything: tuple[Measured, ...]) -> Iterator[Value]:
+def _shares(campaigns: tuple[MeasuredCampaign, ...], everything: tuple[MeasuredCampaign, ...]) -> Iterator[Value]:
     points = mean(m.clips for m in campaigns)
     for what in Counted:
         number = mean_count(campaigns, what)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 from foresee_study.curves import Clock, compared_areas, curve
-from foresee_study.measured import Counted, Measured
+from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import CHOSEN_S, CLIPS_S
 from foresee_study.results import Results, mean, mean_count, paired
 from foresee_study.settings import EXHAUSTIVE
@@ -53,7 +53,7 @@ def _an_hour(results: Results, clock: Clock) -> Table:
                  (note,))  # fmt: skip
 
 
-def _rate(campaigns: tuple[Measured, ...], what: Counted, clock: Clock) -> float | None:
+def _rate(campaigns: tuple[MeasuredCampaign, ...], what: Counted, clock: Clock) -> float | None:
     hours = mean(clock.of(m) / 3600 for m in campaigns)
     number = mean_count(campaigns, what)
     return number / hours if hours and number is not None else None

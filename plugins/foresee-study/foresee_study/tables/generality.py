@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
-from foresee_study.measured import Counted, Measured
+from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import HEAVY_WEATHER
 from foresee_study.results import Results, mean, total
 from foresee_study.settings import BUNDLED
@@ -64,7 +64,7 @@ def _number(value: Value) -> float | None:
     return None if value is None or isinstance(value, str) else float(value)
 
 
-def _counts(campaigns: tuple[Measured, ...]) -> Iterator[Value]:
+def _counts(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[Value]:
     children = mean(len(m.children_run) for m in campaigns)
     collided = mean(m.count(Counted.COLLISIONS) for m in campaigns)
     yield children

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import product
 
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
-from foresee_study.measured import AVOIDERS, Counted, Measured, avoided
+from foresee_study.measured import AVOIDERS, Counted, MeasuredCampaign, avoided
 from foresee_study.results import TOGETHER, Results, mean, total
 from foresee_study.statistics import compare
 from foresee_study.tables.comparing import Compared, comparison_table
@@ -98,7 +98,7 @@ def _counted(results: Results) -> Table:
     return Table("rq2_totals", "RQ2: results of each ranker", columns, tuple(rows), "ranker", (note,))
 
 
-def _totals(campaigns: tuple[Measured, ...]) -> Iterator[float | None]:
+def _totals(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[float | None]:
     clips = mean(m.clips for m in campaigns)
     numbers = {what: mean(m.count(what) for m in campaigns) for what in Counted}
     yield clips
