@@ -17,7 +17,7 @@ from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, Trajectory, VehicleLimits
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
@@ -303,7 +303,7 @@ class _Timed:
         self._driver.reset(mission, vehicle, seed)
         self.name, self.version = self._driver.name, self._driver.version
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, observation: Observation) -> Control | Trajectory:
         _ = (
             observation.actors,
             observation.signals,

@@ -34,6 +34,7 @@ from foresee_dsl.cli.about import Finding as Examined
 from foresee_dsl.cli.options.common import SCHEMA_NUMBERS
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.documents import shape
+from foresee_dsl.drivers.following import Deviation
 from foresee_dsl.drivers.registry import DriverInfo
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.outcome import Imported
@@ -55,6 +56,7 @@ _RUN = {
     "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,
     "impact": Impact | None, "near_misses": NearMisses, "duration_s": float, "steps": int,
     "expectations": list[ExpectationResult], "unfired": list[UnfiredTrigger],
+    "tracking": Deviation | None,
     **shape(DriverNotes).__annotations__, "trace": str | None, "digest": str,
 }  # fmt: skip
 _MUTANT = {"file": str, "operators": list[str], "verdict": Verdict, "with": str, "reason": str, "digest": str}

@@ -186,6 +186,7 @@ def _run_dict(case_run: CaseRun, trace: Path | None) -> dict[str, object]:
         "expectations": result.expectations if result else (),
         "infractions": result.infractions if result else (),
         "unfired": result.unfired if result else (),
+        "tracking": result.tracking if result else None,
         **vars(case_run.notes),
         "trace": trace,
         "digest": result.trace.digest if result else "",

@@ -6,12 +6,16 @@ speeds are in m/s. Positions are the centre of the footprint unless stated other
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, Protocol, runtime_checkable
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # only a driver that reads the road map needs its module
+    from foresee_dsl.drivers.road_map import RoadMap
 
 FloatArray = NDArray[np.float64]
 
@@ -92,6 +96,7 @@ class Mission:
         s: [N] length along the centreline, m. speed_limit_mps: [N] speed limit at each point.
         left_m, right_m: [N] free width on both sides of the centreline within lanes of the ego's direction.
         start_s, goal_s: lengths of start and goal along the centreline.
+        build_map: builds `road_map` when a driver first reads it; None: there is no map.
     """
 
     centreline: FloatArray
@@ -103,6 +108,15 @@ class Mission:
     goal_s: float
     junctions: tuple[JunctionPassage, ...] = ()
     step_s: float = 0.05
+    build_map: Callable[[], RoadMap] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def road_map(self) -> RoadMap | None:
+        """The roads around the mission: lanes with their borders and connections, stop lines, crossings, junctions.
+
+        It is built when it is first read. None for a mission without a map, such as one that a test makes by hand.
+        """
+        return self.build_map() if self.build_map is not None else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +209,25 @@ class Control:
     brake: float
 
 
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Where a driver plans the ego to be, as its answer instead of a `Control`.
+
+    The simulator follows it (`drivers.following`), and goes on with it when the driver returns the same object again.
+
+    Attributes:
+        time_s: [N] times on the clock of `Observation.time_s`, ascending, N >= 2.
+        points: [N, 2] centre of the footprint, m.
+        heading_rad: [N] heading of the vehicle; it is used where the points do not move. None: from the points.
+        speed_mps: [N] speed, not negative. None: from the points and times.
+    """
+
+    time_s: FloatArray
+    points: FloatArray
+    heading_rad: FloatArray | None = None
+    speed_mps: FloatArray | None = None
+
+
 @runtime_checkable
 class Driver(Protocol):
     """The software under test. Its `name` and `version` are part of every result."""
@@ -206,7 +239,7 @@ class Driver(Protocol):
         """Forget everything and start a new mission."""
         ...
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, observation: Observation) -> Control | Trajectory:
         """Answer one observation; called 20 times per simulated second."""
         ...
 

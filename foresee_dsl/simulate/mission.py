@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from foresee_dsl.compile.roads.conflicts import Conflict, conflicts_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
+from foresee_dsl.drivers.road_map import build_road_map, lanes_along
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.simulate.actors.dynamics import limits_of
 from foresee_dsl.simulate.trace import STEP_S
@@ -49,6 +51,7 @@ def mission_of(bundle: SumoBundle) -> Mission:
     states = {signal.tls: tuple(phase.state for phase in signal.phases) for signal in bundle.signals.values()}
     goal_s = bundle.scene.goal_s
     n = int(np.searchsorted(line.s, goal_s + BEYOND_GOAL_M)) + 1
+    lanes = lanes_along(line.pieces, 0.0, float(line.s[:n][-1]))
     return Mission(
         centreline=line.points[:n],
         s=line.s[:n],
@@ -59,6 +62,7 @@ def mission_of(bundle: SumoBundle) -> Mission:
         goal_s=goal_s,
         junctions=tuple(_junction(p, bundle.network, states) for p in line.passages if p.entry_s < line.s[:n][-1]),
         step_s=STEP_S,
+        build_map=partial(build_road_map, bundle.network, lanes, bundle.net_file),
     )
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.deadlines import DEADLINES, RESET_VARIABLE, STEP_VARIABLE, Deadlines
-from foresee_dsl.drivers.parts import DriverPart, Planning, WithParts, parts_of
-from foresee_dsl.drivers.protocol import Closing, Control, Driver
+from foresee_dsl.drivers.following import Deviation, Follower
+from foresee_dsl.drivers.parts import DriverPart, PlannedMotion, Planning, WithParts, parts_of
+from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Trajectory
 from foresee_dsl.errors import DriverError, DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.compiling import ensure
@@ -31,7 +32,7 @@ from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, V
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
-from foresee_dsl.simulate.trace import WAYPOINT_M, Trace
+from foresee_dsl.simulate.trace import STEP_S, WAYPOINT_M, Trace
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
@@ -131,6 +132,9 @@ class Run:
         self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None
         self._ideal: frozenset[DriverPart] = frozenset()
         self._truth: GroundTruth | None = None
+        self._follower: Follower | None = None
+        recorded = bundle.scene.ego.recorded
+        self._watches_until_s = recorded[-1].time_s if recorded else 0.0
         self._steps = 0
 
     @property
@@ -162,6 +166,9 @@ class Run:
         frame = Frame(self._simulation.time_s)
         self._order()
         self._record(frame)
+        if self._follower is not None and frame.time_s > self._watches_until_s + STEP_S / 2:
+            x, y = frame.states[0, :2].tolist()
+            self._follower.measure(x, y, frame.time_s)
         self._sense(frame)
         self._judge(frame)
         return frame
@@ -215,21 +222,41 @@ class Run:
         try:
             with self._watch.call("step"):
                 answer = self._driver.step(frame.observation)
-            frame.control = Control(*checked(answer))
-            if DriverPart.CONTROL in self._ideal:
-                frame.control = self._exactly(frame.control)
+            if isinstance(answer, Trajectory):
+                frame.control = self._follow(answer, frame)
+            else:
+                frame.control = Control(*checked(answer))
+                if DriverPart.CONTROL in self._ideal:
+                    frame.control = self._exactly(frame.control)
         except (Exception, SystemExit, DriverHangs) as err:  # any exception of the driver is a result of the run
             frame.decision = self._broken(err)
+
+    def _follow(self, trajectory: Trajectory, frame: Frame) -> Control:
+        """Return the control with which the ego follows its driver's trajectory; with ideal control it does so from its
+        true state, and without delay.
+        """
+        ideal, ego = DriverPart.CONTROL in self._ideal, frame.observation.ego
+        if self._follower is None:
+            self._follower = Follower(self._simulation.ego.limits, at_once=ideal)
+        if ideal:
+            ego = EgoState(*frame.states[0].tolist())
+        control = self._control_for(self._follower.motion(trajectory, ego, frame.time_s))
+        if ideal:
+            self._simulation.ego.follow_at_once(control)
+        return control
 
     def _exactly(self, answer: Control) -> Control:
         """Return the control that carries out the driver's plan (without a plan, its answer) at once: the vehicle
         follows it without delay.
         """
-        ego = self._simulation.ego
         plan = self._driver.planned() if isinstance(self._driver, Planning) else None
-        control = answer if plan is None else Control(*checked(control_for(plan, ego.limits, float(ego.speed))))
-        ego.follow_at_once(control)
+        control = answer if plan is None else self._control_for(plan)
+        self._simulation.ego.follow_at_once(control)
         return control
+
+    def _control_for(self, plan: PlannedMotion) -> Control:
+        ego = self._simulation.ego
+        return Control(*checked(control_for(plan, ego.limits, float(ego.speed))))
 
     def move(self, frame: Frame) -> None:
         """Move all actors to the next frame with the frame's control; set the decision if SUMO fails."""
@@ -276,6 +303,9 @@ class Run:
             broken = [result.broken_sentence for result in expectations if not result.held]
             # A mutant's file quotes the reason, and a text of the language cannot contain double quotes.
             reason = "; ".join((*broken, reason)).replace('"', "'")
+        deviation = self._follower.deviation if self._follower is not None else None
+        if deviation is not None and deviation.is_large:
+            reason = f"{reason}; the ego did not follow its driver's plan: it was {deviation.sentence}"
         meta = {
             "test_case": self._bundle.name,
             "driver": self._driver.name,
@@ -284,6 +314,7 @@ class Run:
             "verdict": decision.verdict.value,
             "reason": reason,
             "infractions": [asdict(infraction) for infraction in infractions],
+            **_tracking(deviation),
             **self._meta,
         }
         with Part.DIRECTOR:
@@ -301,7 +332,13 @@ class Run:
             infractions=infractions,
             impact=decision.impact,
             notes=self._notes,
+            tracking=deviation,
         )
+
+
+def _tracking(deviation: Deviation | None) -> dict[str, object]:
+    """Return the entry of a trace's `meta` about the trajectories; none if the driver answered controls only."""
+    return {"tracking": asdict(deviation)} if deviation is not None else {}
 
 
 def _of_rules(decision: Decision, infractions: tuple[Infraction, ...]) -> Decision:

@@ -27,7 +27,7 @@ from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.drivers.consent import allow, allowing
-from foresee_dsl.drivers.external import ExternalDriver, plain, read_control, read_ready, reset_line, step_line
+from foresee_dsl.drivers.external import ExternalDriver, plain, read_answer, read_ready, reset_line, step_line
 from foresee_dsl.drivers.external.process import LONGEST_LINE
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver, recorded_address, recorded_driver
@@ -174,7 +174,7 @@ sys.exit(hear())
 def test_unknown_keys_are_ignored() -> None:
     ready = read_ready(b'{"type": "ready", "name": "a", "version": "1.2+b", "more": [1]}')
     assert (ready.name, ready.version, ready.stays) == ("a", "1.2+b", False)
-    assert read_control(b'{"steer": -2, "throttle": 0, "brake": 1e3, "why": "x"}') == Control(-2.0, 0.0, 1000.0)
+    assert read_answer(b'{"steer": -2, "throttle": 0, "brake": 1e3, "why": "x"}') == Control(-2.0, 0.0, 1000.0)
 
 
 @pytest.mark.parametrize(
@@ -198,13 +198,13 @@ def test_unknown_keys_are_ignored() -> None:
 )
 def test_what_is_no_control_is_said(answer: bytes, why: str) -> None:
     with pytest.raises(DriverError, match=why) as caught:
-        read_control(answer)
+        read_answer(answer)
     assert len(str(caught.value)) < 250
 
 
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=100).map(str.encode)))
 def test_garbage_is_a_driver_error_and_nothing_else(answer: bytes) -> None:
-    for read in (read_control, read_ready):
+    for read in (read_answer, read_ready):
         with contextlib.suppress(DriverError):
             read(answer)
 
@@ -221,7 +221,7 @@ _JSON = st.recursive(
 )
 def test_odd_objects_are_a_driver_error_or_finite(answer: dict[str, object]) -> None:
     with contextlib.suppress(DriverError):
-        control = read_control(json.dumps(answer).encode())
+        control = read_answer(json.dumps(answer).encode())
         assert all(map(math.isfinite, (control.steer, control.throttle, control.brake)))
     with contextlib.suppress(DriverError):
         assert all(isinstance(part, str) and " " not in part for part in read_ready(json.dumps(answer).encode())[:2])

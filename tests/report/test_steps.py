@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun
@@ -51,7 +52,8 @@ def test_asking_for_reasons_changes_nothing(case: TestCase, driver: str) -> None
 
 
 def test_the_walker_is_why_it_brakes(steps: tuple[ShownStep, ...], shown: ShownRun) -> None:
-    braking = [step for step in steps if step.control.brake > 0.5 and step.ego.speed_mps > 1]
+    brakes = [step for step in steps if isinstance(step.answer, Control) and step.answer.brake > 0.5]
+    braking = [step for step in brakes if step.ego.speed_mps > 1]
     assert braking
     text = "\n".join(line.plain for line in step_lines(braking[2], shown.trace, "walker", 80))
     assert "pedestrian: walker is about to be in its way" in text

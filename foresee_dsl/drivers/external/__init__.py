@@ -16,7 +16,7 @@ import shutil
 import weakref
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -27,7 +27,7 @@ from foresee_dsl.drivers.deadlines import RESET_VARIABLE, STEP_VARIABLE, seconds
 from foresee_dsl.drivers.external.process import Program
 from foresee_dsl.drivers.kept import leave, take
 from foresee_dsl.drivers.parts import ALWAYS, DriverPart, Truth
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, Trajectory, VehicleLimits
 from foresee_dsl.errors import DriverError, DriverLateError
 from foresee_dsl.measuring import Part
 
@@ -48,6 +48,8 @@ SHOWN = 80
 """Maximum number of characters of an invalid answer that a message quotes. Ours."""
 FUTURE_S: NDArray[np.float64] = np.arange(1, 21, dtype=np.float64) * 0.2
 """Times from now for which an actor's future is sent for an ideal prediction, s. Ours: 4 s, the horizon of `pdm`."""
+MAP = "map"
+"""Word in `wants` of a program's first line: it wants the road map before the first step."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
 _LEFT_OUT = object()
 
@@ -73,6 +75,7 @@ class ExternalDriver:
         self._reset_s = seconds_of(RESET_VARIABLE, RESET_DEADLINE_S)
         self._program: Program | None = None
         self._stays = False
+        self._trajectory: Trajectory | None = None
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
         self.name = f"external:{command_line}"
         self.version = ""  # read from the program's first line when the program has started
@@ -91,7 +94,8 @@ class ExternalDriver:
         self._ideal, self._truth = ideal, truth
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Start the program, unless it has stayed since the previous run, and send it the mission.
+        """Start the program, unless it has stayed since the previous run, and send it the mission, and the road map if
+        it wants that.
 
         Sets `version` to its name and version.
         """
@@ -103,11 +107,17 @@ class ExternalDriver:
         self._program = stayed if stayed is not None else Program(self._command)
         self._last_resort = weakref.finalize(self, self._program.kill)
         ready = self._exchange(reset_line(mission, vehicle, seed, self._ideal), self._reset_s, read_ready)
+        if MAP in ready.wants:
+            ready = self._exchange(map_line(mission), self._reset_s, read_ready)
         self.version, self._stays, self.parts = f"{ready.name} {ready.version}", ready.stays, ready.parts
 
-    def step(self, observation: Observation) -> Control:
-        """Send one observation and return the program's answer."""
-        return self._exchange(step_line(observation, self._truth_now()), self.step_deadline_s, read_control)
+    def step(self, observation: Observation) -> Control | Trajectory:
+        """Send one observation and return the program's answer; for `keep` its last trajectory, the same object."""
+        read = partial(read_answer, last=self._trajectory)
+        answer = self._exchange(step_line(observation, self._truth_now()), self.step_deadline_s, read)
+        if isinstance(answer, Trajectory):
+            self._trajectory = answer
+        return answer
 
     def close(self) -> None:
         """Send the program the end of the run, and end it unless it stays for the next run."""
@@ -159,7 +169,7 @@ class ExternalDriver:
     def _forget(self) -> None:
         if self._last_resort is not None:
             self._last_resort.detach()
-        self._program = self._last_resort = None
+        self._program = self._last_resort = self._trajectory = None
         self._stays = False
 
 
@@ -196,6 +206,14 @@ def step_line(observation: Observation, truth: dict[str, object] | None = None) 
     return _line({"type": "step", "observation": observation, **({"truth": truth} if truth is not None else {})})
 
 
+@Part.PIPE.measured
+def map_line(mission: Mission) -> bytes:
+    """Return the line with the road map of a mission; `null` if the mission has none."""
+    road_map = mission.road_map
+    document = road_map.as_document() if road_map is not None else None
+    return json.dumps({"type": "map", "map": document}, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
 def end_line() -> bytes:
     """Return the last line of a run."""
     return _line({"type": "end"})
@@ -205,13 +223,14 @@ class Ready(NamedTuple):
     """The content of the program's first line of a run.
 
     `stays`: whether the program takes another `reset` after the `end` of a run. `parts`: the parts for which it can
-    take the truth, with those that every driver has.
+    take the truth, with those that every driver has. `wants`: what else the program wants to get before the first step.
     """
 
     name: str
     version: str
     stays: bool = False
     parts: tuple[DriverPart, ...] = ALWAYS
+    wants: tuple[str, ...] = ()
 
 
 def read_ready(line: bytes) -> Ready:
@@ -222,14 +241,49 @@ def read_ready(line: bytes) -> Ready:
     stays = answer.get("stays", False)
     if not isinstance(stays, bool):
         raise DriverError(f"its `stays` must be true or false, not {stays!r:.80}")
-    return Ready(_name(answer, "name"), _name(answer, "version"), stays, _parts(answer))
+    return Ready(_name(answer, "name"), _name(answer, "version"), stays, _parts(answer), _wants(answer))
 
 
 @Part.PIPE.measured
-def read_control(line: bytes) -> Control:
-    """Return the control in a program's answer; the simulator clips values out of range."""
+def read_answer(line: bytes, last: Trajectory | None = None) -> Control | Trajectory:
+    """Return the control or the trajectory in a program's answer; the simulator clips values of a control that are out
+    of range.
+
+    Args:
+        line: the program's line. last: its last trajectory, with which `keep` goes on.
+    """
     answer = _object(line)
+    if "trajectory" in answer:
+        return _trajectory(answer["trajectory"])
+    if "keep" in answer:
+        if answer["keep"] is not True:
+            raise DriverError(f"its `keep` must be true: {_readable(line)}")
+        if last is None:
+            raise DriverError("it answered `keep`, but it has not answered a trajectory in this run")
+        return last
     return Control(*(_number(answer, key, line) for key in ("steer", "throttle", "brake")))
+
+
+def _trajectory(answer: object) -> Trajectory:
+    """Return a program's trajectory; the simulator checks its values (`drivers.following`)."""
+    if not isinstance(answer, dict):
+        raise DriverError(f"its trajectory must be an object with lists, not {answer!r:.80}")
+    x, y = (_column(answer, key) for key in ("x", "y"))
+    if len(x) != len(y):
+        raise DriverError(f"its trajectory has {len(x)} numbers in `x` and {len(y)} in `y`")
+    heading, speed = (_column(answer, key) if answer.get(key) is not None else None
+                      for key in ("heading_rad", "speed_mps"))  # fmt: skip
+    return Trajectory(_column(answer, "time_s"), np.column_stack([x, y]), heading, speed)
+
+
+def _column(trajectory: dict[str, Any], key: str) -> NDArray[np.float64]:
+    values = trajectory.get(key)
+    if not isinstance(values, list) or any(isinstance(v, bool) or not isinstance(v, (int, float)) for v in values):
+        raise DriverError(f"`{key}` of its trajectory must be a list of numbers, not {values!r:.80}")
+    try:
+        return np.array(values, dtype=np.float64)
+    except OverflowError as err:
+        raise DriverError(f"`{key}` of its trajectory has a number that is too large") from err
 
 
 def plain(value: object) -> Any:  # noqa: ANN401  a JSON value
@@ -314,6 +368,13 @@ def _parts(answer: dict[str, Any]) -> tuple[DriverPart, ...]:
     if not isinstance(declared, list) or any(part not in names for part in declared):
         raise DriverError(f"its `parts` must be a list of {', '.join(names)}, not {declared!r:.80}")
     return tuple(part for part in DriverPart if part in declared or part in ALWAYS)
+
+
+def _wants(answer: dict[str, Any]) -> tuple[str, ...]:
+    wants = answer.get("wants", [])
+    if not isinstance(wants, list) or any(word != MAP for word in wants):
+        raise DriverError(f'its `wants` must be a list that may hold "{MAP}", not {wants!r:.80}')
+    return tuple(wants)
 
 
 def _readable(line: bytes) -> str:

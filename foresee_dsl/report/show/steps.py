@@ -21,6 +21,7 @@ from foresee_dsl.drivers.protocol import (
     Reason,
     SeenActor,
     SignalColour,
+    Trajectory,
     VehicleLimits,
 )
 from foresee_dsl.drivers.registry import load_driver
@@ -47,7 +48,7 @@ class ShownStep:
     ego: EgoState
     actors: tuple[SeenActor, ...]
     signals: dict[str, SignalColour]
-    control: Control
+    answer: Control | Trajectory
     reasons: tuple[Reason, ...]
 
 
@@ -66,16 +67,16 @@ class RecordingDriver:
         self._driver.reset(mission, vehicle, seed)
         self.version = self._driver.version  # some drivers know their version only after a reset
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, observation: Observation) -> Control | Trajectory:
         """Return the driver's answer, and record it with the observation."""
-        control = self._driver.step(observation)
+        answer = self._driver.step(observation)
         now_s = observation.time_s
         if self._from_s - 1e-6 <= now_s <= self._to_s + 1e-6 and round(now_s / STEP_S) % self._every == 0:
             reasons = tuple(self._driver.explain()) if isinstance(self._driver, Explaining) else ()
             measured_s = now_s if observation.measured_s is None else observation.measured_s
             seen = observation.actors, dict(observation.signals)
-            self.steps.append(ShownStep(now_s, measured_s, observation.ego, *seen, control, reasons))
-        return control
+            self.steps.append(ShownStep(now_s, measured_s, observation.ego, *seen, answer, reasons))
+        return answer
 
     def close(self) -> None:
         """Close the driver if it can be closed."""
@@ -103,7 +104,7 @@ def step_lines(step: ShownStep, trace: Trace, opponent: str, width: int) -> Iter
     head = f"{step.time_s:6.2f} s  ego {ego.speed_mps * 3.6:.0f} km/h, {ego.acceleration_mps2:+.1f} m/s^2"
     late = f", objects as at {step.measured_s:.2f} s" if step.measured_s < step.time_s - 1e-6 else ""
     yield Text.assemble((head, "bold"), (late, "dim"))
-    yield _line("answers", _answer(step.control), width)
+    yield _line("answers", _answer(step), width)
     for number, reason in enumerate(step.reasons):
         yield _line("" if number else "because", _reason(reason, names), width)
     if not step.reasons:
@@ -133,7 +134,12 @@ def _line(label: str, text: str, width: int, *, style: str = "") -> Text:
     return Text.assemble((f"  {label:<{_LABEL}}", "dim"), (words, style))
 
 
-def _answer(control: Control) -> str:
+def _answer(step: ShownStep) -> str:
+    if isinstance(step.answer, Trajectory):
+        (x, y), ends_s = step.answer.points[-1], step.answer.time_s[-1] - step.time_s
+        away_m = math.hypot(x - step.ego.x, y - step.ego.y)
+        return f"a trajectory that ends {away_m:.1f} m away, {ends_s:.1f} s from now"
+    control = step.answer
     pedal = f"brake {control.brake:.2f}" if control.brake > 0 else f"throttle {control.throttle:.2f}"
     side = "left" if control.steer > 0 else "right"
     return f"{pedal}, wheel {abs(control.steer):.2f} to the {side}" if abs(control.steer) >= 0.005 else pedal

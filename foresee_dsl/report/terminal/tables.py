@@ -43,10 +43,11 @@ def duration(seconds: float) -> str:
 
 
 def print_run_details(console: Console, result: RunResult, *, triggers: bool = True) -> None:
-    """Print the contact that ended a run, its near misses, the traffic rules that the ego broke, and its expectations;
-    with `triggers` also the triggers that never fired."""
+    """Print the contact that ended a run, its near misses, the largest deviation from the driver's trajectories, the
+    traffic rules that the ego broke, and its expectations; with `triggers` also the triggers that never fired."""
     rules = (f"  {line}" for line in rule_lines(result.infractions))
-    for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses), *rules):
+    tracking = () if result.tracking is None else (f"  tracking  {result.tracking.sentence}",)
+    for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses), *tracking, *rules):
         console.print(Text(safe(detail), style="dim"), soft_wrap=True)
     for expectation in result.expectations:
         console.print(_expectation_line(expectation), soft_wrap=True)

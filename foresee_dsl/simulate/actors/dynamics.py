@@ -181,7 +181,8 @@ def checked(control: Control) -> tuple[float, float, float]:
         steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
     except (TypeError, ValueError, AttributeError) as err:
         raise ValueError(
-            f"the driver answered {control!r}; it must answer a Control with the numbers steer, throttle and brake"
+            f"the driver answered {control!r}; it must answer a Control with the numbers steer, throttle and brake, "
+            "or a Trajectory"
         ) from err
     if isnan(steer) or isnan(throttle) or isnan(brake):
         raise ValueError(f"the driver answered {control!r}, in which a value is NaN")

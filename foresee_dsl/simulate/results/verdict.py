@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Literal, Self
 
 from foresee_dsl.documents import rounded
+from foresee_dsl.drivers.following import Deviation
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
 from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.rules.infraction import Infraction
@@ -221,6 +222,8 @@ class RunResult:
     """What the developer of the driver may want to know: the driver's output, exception, or hang."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
+    tracking: Deviation | None = None
+    """How far the ego was from its driver's trajectories; None if the driver answered controls only."""
     unfired: tuple[UnfiredTrigger, ...] = ()
     """Triggers and steps that never began in the run; computed only on request (`simulate.triggers.unfired`)."""
 
