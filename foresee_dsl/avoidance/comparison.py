@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
+from foresee_dsl.avoidance.anticipating.foresight import horizon_s, onset, priority_ways
 from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.replay import RecordedPath
 from foresee_dsl.compile.bundle import SumoBundle
@@ -90,7 +90,8 @@ class _Compared:
     def result(self) -> Comparison:
         other = self._failed.index(self._name)
         if self._stands(other):
-            return Comparison(self._past(0)) if self._comes_there() else Comparison(apart="it takes another way")
+            meets = self._comes_there() or self._brakes_for(other)
+            return Comparison(self._past(0)) if meets else Comparison(apart="it takes another way")
         onset_frame = self._onset_frame(other)
         if onset_frame is None:
             return Comparison(apart="the conflict could not be foreseen before the contact")
@@ -108,6 +109,39 @@ class _Compared:
 
     def _comes_there(self) -> bool:
         return bool(np.nanmin(self._distances()) <= 2 * SAME_PLACE_M)
+
+    def _brakes_for(self, other: int) -> bool:
+        """Return whether the passing ego brakes on the failing ego's path because of an actor that stands.
+
+        That is so if at its present speed it would reach the place of the failure within the time for which an
+        anticipating driver predicts others, and if no other actor is in between.
+        """
+        last = min(self._passed.frames - 1, self._end + round(LOOKS_ON_S / STEP_S))
+        ego = self._passed.states[: last + 1, 0]
+        brakings = spans(ego[:, ACCELERATION] < -EGO_BRAKES_MPS2, BRAKES_FOR_S, EASES_S)
+        if not brakings:
+            return False
+        first, speed_mps = brakings[-1][0], float(ego[brakings[-1][0], SPEED])
+        along, aside = self._on_path(ego[first:])
+        left_m = float(self._path.along[-1]) - along
+        if bool((aside > SAME_PLACE_M).any()) or left_m[0] > speed_mps * horizon_s(speed_mps):
+            return False
+        others = np.delete(self._passed.states[last], [0, self._passed.index(self._failed.actors[other].id)], axis=0)
+        their_along, their_aside = self._on_path(others)
+        between = (their_aside <= SAME_PLACE_M) & (their_along > along[-1]) & (their_along < along[-1] + left_m[-1])
+        return not bool(between.any())
+
+    def _on_path(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return, for each state [N], the nearest place of the failing ego's path and the distance to it, m; for an
+        actor that is not there the distance is infinite.
+        """
+        way = self._failed.states[:, 0]
+        far = np.hypot(states[:, None, X] - way[:, X], states[:, None, Y] - way[:, Y])
+        far[np.isnan(far)] = np.inf
+        frame = far.argmin(axis=1)
+        nearest: FloatArray = far[np.arange(len(states)), frame]
+        along: FloatArray = self._path.along[frame]
+        return along, nearest
 
     def _distances(self) -> FloatArray:
         """Return the passing ego's distance to the place of the failure at each frame, m."""

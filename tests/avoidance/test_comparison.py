@@ -92,6 +92,39 @@ def test_who_takes_another_way_is_not_compared() -> None:
     assert against(six_m_aside).apart == ""
 
 
+@pytest.mark.parametrize(
+    ("begin_s", "apart"),
+    [
+        (1.5, ""),  # it stands at x = 40 m, because of the van
+        (0.5, "it takes another way"),  # 4.5 s before the van: too early to be because of it
+    ],
+)
+def test_a_driver_that_stops_far_before_a_standing_actor_reacts_to_it(begin_s: float, apart: str) -> None:
+    comparison = against(slowing(begin_s, 2.0, seconds=8.0))
+    assert comparison.apart == apart
+    if not apart:
+        assert comparison.how == ("brakes 3.5 s before it", "stays 10 m away from the place")
+
+
+def test_a_driver_that_stops_behind_another_actor_is_not_compared() -> None:
+    ego = slowing(1.5, 2.0, seconds=8.0)
+    van = replace(VAN, states=VAN.states[: len(ego.states)])
+    for y_m, apart in ((Y_M, "it takes another way"), (Y_M + 4.0, "")):
+        queue = straight("car", 48.0, y_m, EAST, 0.0, seconds=8.0)
+        queue = replace(queue, states=queue.states[: len(ego.states)])
+        passed = make_trace({"ego": ego, "van": van, "queue": queue})
+        assert compared(FAILED, passed, NO_BUNDLE).apart == apart
+
+
+def test_a_driver_that_brakes_and_turns_off_takes_another_way() -> None:
+    ego = slowing(1.5, 2.0, seconds=8.0, least_mps=4.0)
+    from_frame = round(4.6 / STEP_S)  # at x = 32 m, before it comes within 6 m of the place
+    turned = ego.states[from_frame:, X] - ego.states[from_frame, X]
+    ego.states[from_frame:, X] = ego.states[from_frame, X]
+    ego.states[from_frame:, Y] += turned
+    assert against(ego).apart == "it takes another way"
+
+
 def test_waiting_counts_as_a_reaction() -> None:
     waits = straight("car", 0.0, Y_M, EAST, 10.0, seconds=12.0, start_s=6.0)
     failed = trace_of(slowing(9.0, 1.0, seconds=END_S), hits=True)
