@@ -62,11 +62,20 @@ class IdealRun:
         return self.verdict is Verdict.PASS and not self.apart
 
     @property
+    def shows_nothing(self) -> bool:
+        """Whether the run says nothing about the part: it passes in another situation, or it neither passes nor
+        fails.
+        """
+        return not self.helps and not self.verdict.is_failure
+
+    @property
     def outcome(self) -> str:
-        """How it ended, in words: how the driver reacts, why that is not comparable, or how it fails."""
-        if self.verdict is not Verdict.PASS:
-            return self.reason
-        return f"passes, but is not comparable: {self.apart}" if self.apart else ", ".join(("goes away", *self.how))
+        """How it ended, in words: the failure goes away, stays, or the run does not show which, with the reason."""
+        if self.helps:
+            return ": ".join(["goes away", *([", ".join(self.how)] if self.how else [])])
+        if self.verdict is Verdict.PASS:
+            return f"no answer: passes in another situation ({self.apart})"
+        return f"{'no answer' if self.shows_nothing else 'still fails'}: {self.reason}"
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -125,13 +134,27 @@ class Diagnosis:
     def text(self) -> str:
         """The diagnosis as a sentence."""
         if not self.cause:
-            left = "" if DriverPart.TRACKING in self.declared else " or a part that it does not declare"
-            return f"no ideal part makes the failure go away: it is the planning{left}, or no driver could avoid it"
+            return self._without_cause()
         run = next(run for run in self.runs if run.parts == self.cause)
         how = [*([self.seen] if self.seen else []), *(phrase for phrase in run.how if phrase != "drives on")]
         also = f" (also with {_named(self.also, 'or')} alone)" if self.also else ""
         only = "only goes away with" if len(self.cause) > 1 else "goes away with"
         return f"the failure {only} ideal {_named(self.cause, 'and')}{also}" + (f": {', '.join(how)}" if how else "")
+
+    def _without_cause(self) -> str:
+        """Return what the runs show if no ideal part makes the failure go away."""
+        unclear = tuple(dict.fromkeys(part for run in self.runs if run.shows_nothing for part in run.parts))
+        if unclear:
+            others = "; with the other parts it still fails" if len(unclear) < len(self.declared) else ""
+            return (
+                f"no part is shown to cause it: the runs with ideal {_named(unclear, 'or')} do not meet the same "
+                f"situation, so they give no answer{others}"
+            )
+        left = "" if DriverPart.TRACKING in self.declared else " or a part that the driver does not declare"
+        return (
+            f"none of these parts causes it, as it still fails with each of them ideal, and with all of them. "
+            f"What remains is the planning{left}, or a situation that comes too late for this driver"
+        )
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""

@@ -11,7 +11,11 @@ from foresee_dsl.avoidance.causes import IdealRun
 from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.report.terminal.review import wrapped
 
-_NONE = "none (planning, or no driver could)"
+_NONE = "no part (planning, or a situation that comes too late)"
+_NO_ANSWER = (
+    "No answer: the ego does not come into the situation in which it failed, so the run does not show whether the "
+    "part causes the failure."
+)
 _PARTS = 22
 """Width of the column with the parts' names, columns."""
 
@@ -30,19 +34,22 @@ def _lines(result: DiagnosedFailure, *, short: bool) -> Iterator[str]:
     if short:
         yield from wrapped(f"{number}{result.name}: {diagnosis.text}", more="  ")
         return
-    yield from wrapped(f"{number}{result.name} with {diagnosis.driver}: {diagnosis.verdict}, {diagnosis.reason}")
+    yield from wrapped(f"{number}{result.name} with {diagnosis.driver}: {diagnosis.reason}")
     yield ""
     yield from wrapped(f"Cause: {diagnosis.text}")
     yield ""
-    yield f"  {'ideal part':<{_PARTS}}ends with"
+    yield f"  {'ideal part':<{_PARTS}}the failure"
     for run in diagnosis.runs:
         yield from _row(run)
+    if any(run.shows_nothing for run in diagnosis.runs):
+        yield ""
+        yield from wrapped(_NO_ANSWER)
 
 
 def _row(run: IdealRun) -> Iterator[str]:
     words = " + ".join(run.parts)
     first = f"  {words:<{_PARTS}}" if len(words) < _PARTS else f"  {words} "
-    lines = wrapped(f"{run.verdict}, {run.outcome}", " " * (_PARTS + 2))
+    lines = wrapped(run.outcome, " " * (_PARTS + 2))
     if len(words) < _PARTS:
         yield first + lines[0].strip()
         yield from lines[1:]
