@@ -47,6 +47,7 @@ class IdealRun:
         parts: the ideal parts. verdict, reason, duration_s: how the run ended.
         how: how the driver reacts where it failed, in phrases.
         apart: why a passing run does not show that the failure goes away; "" if it does.
+        late_s: how much later it would come to the place of the failure, if it is not comparable for that reason, s.
     """
 
     parts: Parts
@@ -55,6 +56,7 @@ class IdealRun:
     duration_s: float
     how: tuple[str, ...] = ()
     apart: str = ""
+    late_s: float = 0.0
 
     @property
     def helps(self) -> bool:
@@ -62,20 +64,18 @@ class IdealRun:
         return self.verdict is Verdict.PASS and not self.apart
 
     @property
-    def shows_nothing(self) -> bool:
-        """Whether the run says nothing about the part: it passes in another situation, or it neither passes nor
-        fails.
-        """
-        return not self.helps and not self.verdict.is_failure
+    def elsewhere(self) -> bool:
+        """Whether it passes, but without meeting the situation in which the driver failed."""
+        return self.verdict is Verdict.PASS and bool(self.apart)
 
     @property
     def outcome(self) -> str:
-        """How it ended, in words: the failure goes away, stays, or the run does not show which, with the reason."""
+        """What becomes of the failure, in words, with the reason."""
         if self.helps:
             return ": ".join(["goes away", *([", ".join(self.how)] if self.how else [])])
-        if self.verdict is Verdict.PASS:
-            return f"no answer: passes in another situation ({self.apart})"
-        return f"{'no answer' if self.shows_nothing else 'still fails'}: {self.reason}"
+        if self.elsewhere:
+            return f"passes elsewhere: {self.apart}"
+        return f"{'still fails' if self.verdict.is_failure else 'no answer'}: {self.reason}"
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -100,7 +100,7 @@ def ideal_run(parts: Iterable[DriverPart], failed: RunResult, bundle: SumoBundle
         comparison = compared(failed.trace, result.trace, bundle, sensors)
     ordered = tuple(part for part in DriverPart if part in wanted)
     apart = "" if comparison.met else comparison.apart
-    return IdealRun(ordered, result.verdict, result.reason, result.duration_s, comparison.how, apart)
+    return IdealRun(ordered, result.verdict, result.reason, result.duration_s, comparison.how, apart, comparison.late_s)
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,8 @@ class Diagnosis:
         declared: the parts that can be replaced. runs: the runs with ideal parts, in the order in which they were made.
         cause: the part, or the smallest combination of parts, whose ideal form makes the failure go away; () if there
             is none.
+        sure: whether the run with the ideal cause meets the same situation. If not, the cause is only probable: the
+            run passes, and nothing else is different in it.
         seen: what ideal perception shows earlier, in words; "" if perception is not part of the cause.
     """
 
@@ -123,6 +125,7 @@ class Diagnosis:
     runs: tuple[IdealRun, ...]
     cause: Parts = ()
     seen: str = ""
+    sure: bool = True
 
     @property
     def also(self) -> Parts:
@@ -136,6 +139,11 @@ class Diagnosis:
         if not self.cause:
             return self._without_cause()
         run = next(run for run in self.runs if run.parts == self.cause)
+        if not self.sure:
+            return (
+                f"probably {_named(self.cause, 'and')}: if it is ideal, the run passes, but in another situation "
+                f"({run.apart})"
+            )
         how = [*([self.seen] if self.seen else []), *(phrase for phrase in run.how if phrase != "drives on")]
         also = f" (also with {_named(self.also, 'or')} alone)" if self.also else ""
         only = "only goes away with" if len(self.cause) > 1 else "goes away with"
@@ -143,13 +151,8 @@ class Diagnosis:
 
     def _without_cause(self) -> str:
         """Return what the runs show if no ideal part makes the failure go away."""
-        unclear = tuple(dict.fromkeys(part for run in self.runs if run.shows_nothing for part in run.parts))
-        if unclear:
-            others = "; with the other parts it still fails" if len(unclear) < len(self.declared) else ""
-            return (
-                f"no part is shown to cause it: the runs with ideal {_named(unclear, 'or')} do not meet the same "
-                f"situation, so they give no answer{others}"
-            )
+        if any(run.elsewhere for run in self.runs):
+            return "unclear: only with all of these parts ideal the run passes, and then in another situation"
         left = "" if DriverPart.TRACKING in self.declared else " or a part that the driver does not declare"
         return (
             f"none of these parts causes it, as it still fails with each of them ideal, and with all of them. "
@@ -165,6 +168,7 @@ class Diagnosis:
             "reason": self.reason,
             "declared": self.declared,
             "cause": self.cause,
+            "sure": self.sure,
             "also": self.also,
             "text": self.text,
             "runs": self.runs,
@@ -178,7 +182,8 @@ def diagnosed(
 
     First, each part is replaced alone. If several suffice, the cause is the one that comes first in `ORDER`. If none
     suffices, all parts are replaced together. If that helps, each pair is tried; if no pair helps, the parts are put
-    back one by one as long as the rest suffices.
+    back one by one as long as the rest suffices. If nothing helps, a part with which the run passes in another
+    situation is the probable cause.
 
     Args:
         failed: the failing run. bundle: its compiled test case. drive: drives it again. declared: the driver's parts.
@@ -206,9 +211,22 @@ def diagnosed(
                     cause = less
     elif not alone and helps(declared):
         cause = declared
+    sure = bool(cause) or not (cause := _probable(runs))
     cause = tuple(part for part in DriverPart if part in cause)
     seen = _seen(failed, bundle) if DriverPart.PERCEPTION in cause else ""
-    return Diagnosis(driver, seed, failed.verdict, failed.reason, declared, tuple(runs), cause, seen)
+    return Diagnosis(driver, seed, failed.verdict, failed.reason, declared, tuple(runs), cause, seen, sure)
+
+
+def _probable(runs: Iterable[IdealRun]) -> Parts:
+    """Return the part with which the run passes in another situation; () if there is none.
+
+    Nothing but this part was changed, so it is what changes the situation. A driver that comes later has slowed down,
+    while one that comes earlier may pass by luck: with several parts, the first is preferred.
+    """
+    passing = [run for run in runs if len(run.parts) == 1 and run.elsewhere]
+    if not passing:
+        return ()
+    return min(passing, key=lambda run: (run.late_s <= 0, run.late_s < 0, ORDER.index(run.parts[0]))).parts
 
 
 def _named(parts: Parts, joint: str) -> str:

@@ -56,11 +56,14 @@ class Comparison:
         how: the passing driver's reactions, in phrases: `brakes 0.8 s earlier`, `passes 0.7 m farther left`.
         apart: why the two runs cannot be compared, in words; "" if the passing driver avoids the failure.
         met: whether it met the same situation; also True if it reacts in nearly the same way as the failing driver.
+        late_s: how much later than the failing driver it would come to the place of the failure, if it is not
+            comparable for that reason, s; negative if it comes earlier.
     """
 
     how: tuple[str, ...] = ()
     apart: str = ""
     met: bool = False
+    late_s: float = 0.0
 
 
 def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> Comparison:
@@ -97,9 +100,13 @@ class _Compared:
             return Comparison(apart="the conflict could not be foreseen before the contact")
         if apart := self._apart(other, onset_frame):
             return Comparison(apart=apart)
+        late_s = self._late_s(onset_frame)
+        if abs(late_s) > SAME_TIME_S:
+            when = f"{abs(late_s):.1f} s {'later' if late_s > 0 else 'earlier'}"
+            return Comparison(apart=f"it would come there {when} in any case", late_s=late_s)
         earlier_s = self._passes_earlier_s()
         if earlier_s > EARLIER_S:
-            return Comparison(apart=f"it passes the place {earlier_s:.1f} s earlier")
+            return Comparison(apart=f"it passes the place {earlier_s:.1f} s earlier", late_s=-earlier_s)
         how = self._past(onset_frame)
         return Comparison(how) if how else Comparison(apart="it drives nearly the same way", met=True)
 
@@ -170,15 +177,18 @@ class _Compared:
         there = self._passed.index(self._name)
         if not np.hypot(*(its[there, [X, Y]] - mine[other, [X, Y]])) <= SAME_PLACE_M:
             return f"{self._name} is elsewhere when the conflict can be foreseen"
-        along_m, aside_m = self._place(its[0])
-        if abs(aside_m) > SAME_PLACE_M:
+        if abs(self._place(its[0])[1]) > SAME_PLACE_M:
             return "it is on another way when the conflict can be foreseen"
+        return ""
+
+    def _late_s(self, onset_frame: int) -> float:
+        """Return how much later than the failing ego the passing ego would come to the place of the failure, each at
+        its speed at a frame, s.
+        """
+        mine, its = self._failed.states[onset_frame, 0], self._passed.states[onset_frame, 0]
         left_s = (self._end - onset_frame) * STEP_S
-        ahead_m = along_m - self._path.along[onset_frame] + (its[0, SPEED] - mine[0, SPEED]) * left_s
-        ahead_s = float(ahead_m) / max(float(mine[0, SPEED]), float(its[0, SPEED]), 1.0)
-        if abs(ahead_s) <= SAME_TIME_S:
-            return ""
-        return f"it would come there {abs(ahead_s):.1f} s {'earlier' if ahead_s > 0 else 'later'} in any case"
+        ahead_m = self._place(its)[0] - self._path.along[onset_frame] + (its[SPEED] - mine[SPEED]) * left_s
+        return -float(ahead_m) / max(float(mine[SPEED]), float(its[SPEED]), 1.0)
 
     def _place(self, ego: FloatArray) -> tuple[float, float]:
         """Return the place of an ego relative to the failing ego's path: the length along the path, and the distance to

@@ -105,10 +105,12 @@ def _rules(
     ahead = next((j for j in judgements if isinstance(j, Anticipation) and j.avoids), None)
     reacting = next((run for run in references if run.avoids and run.how and not sees_all(run.driver)), None)
     avoided = f"{reacting.sentence}, in the same situation" if reacting is not None else ""
+    both = ""
     if by_braking is not None:
+        both = f"{reacting.driver} and UN Regulation 157's driver avoid it" if reacting is not None else ""
         avoided = avoided or "UN Regulation 157's driver avoids it by braking"
-    yield from _steered(story, avoided)
-    yield from _by_rule(story)
+    yield from _steered(story, avoided, both)
+    yield from _by_rule(story, both)
     if avoided:
         yield Responsibility(Whose.DRIVER, avoided)
     yield from _late(story)
@@ -148,27 +150,34 @@ def _not_driving(story: Story) -> Iterator[Responsibility]:
         yield Responsibility(Whose.UNAVOIDABLE, f"the ego has stood for {grounds.stood_s:.1f} s")
 
 
-def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:
+def _steered(story: Story, avoided: str, both: str) -> Iterator[Responsibility]:
     """Yield the judgement of an actor that the mutation steers into the ego.
 
-    It is unavoidable unless the actor is seen early and another driver reacts to it.
+    It is unavoidable unless the actor is seen early and another driver reacts to it, or two drivers avoid it (`both`).
     """
     acts_s = story.grounds.acts_s
     if story.grounds.steered:
         when = "" if acts_s is None else f" {acts_s:.1f} s before the contact"
         what = f"{quoted(story.opponent)} is steered into the ego{when}"
+        if both:
+            yield Responsibility(Whose.ARGUABLE, f"{what}, but {both}")
         if avoided and acts_s is not None and acts_s >= LOOKED_S:
             yield Responsibility(Whose.ARGUABLE, f"{what}; {avoided}")
         yield Responsibility(Whose.UNAVOIDABLE, what)
 
 
-def _by_rule(story: Story) -> Iterator[Responsibility]:
-    """Yield the judgement by right of way: the ego or the other actor breaks a rule."""
+def _by_rule(story: Story, both: str) -> Iterator[Responsibility]:
+    """Yield the judgement by right of way: the ego or the other actor breaks a rule.
+
+    A rule that the other actor breaks excuses the driver, unless two other drivers avoid the failure (`both`).
+    """
     grounds = story.grounds
     if grounds.gives_way and grounds.seen_s >= REACTION_S:
         yield Responsibility(Whose.DRIVER, f"{grounds.gives_way}, in sight for {grounds.seen_s:.1f} s")
     if grounds.breaks_rule:
         broken = f"{quoted(story.opponent)} comes {grounds.breaks_rule}, in sight for {grounds.seen_s:.1f} s"
+        if both:
+            yield Responsibility(Whose.DRIVER, f"{broken}, but {both}")
         yield Responsibility(Whose.ARGUABLE if grounds.seen_s >= LOOKED_S else Whose.UNAVOIDABLE, broken)
 
 

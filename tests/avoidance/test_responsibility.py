@@ -40,7 +40,9 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
 @pytest.mark.parametrize(
     ("grounds", "judgements", "runs", "answer"),
     [
-        (STEERED, (PREVENTED,), (REACTS,), Whose.UNAVOIDABLE),
+        (STEERED, (PREVENTED,), (REACTS,), Whose.ARGUABLE),
+        (STEERED, (PREVENTED,), (APART, IDEAL), Whose.UNAVOIDABLE),
+        (STEERED, (), (REACTS,), Whose.UNAVOIDABLE),
         (replace(STEERED, acts_s=LOOKED_S), (), (REACTS,), Whose.ARGUABLE),
         (replace(STEERED, acts_s=LOOKED_S), (), (APART,), Whose.UNAVOIDABLE),
         (Grounds(stands=True, seen_s=0.1), (), (), Whose.DRIVER),
@@ -52,6 +54,8 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
         (Grounds(seen_s=REACTION_S - 0.1, gives_way="a driver who turns gives way"), (), (), Whose.UNAVOIDABLE),
         (Grounds(seen_s=LOOKED_S, breaks_rule="on red"), (), (REACTS,), Whose.ARGUABLE),
         (Grounds(seen_s=LOOKED_S - 0.1, breaks_rule="on red"), (), (REACTS,), Whose.UNAVOIDABLE),
+        (Grounds(seen_s=LOOKED_S - 0.1, breaks_rule="on red"), (PREVENTED,), (REACTS,), Whose.DRIVER),
+        (Grounds(seen_s=LOOKED_S - 0.1, breaks_rule="on red"), (PREVENTED,), (APART,), Whose.UNAVOIDABLE),
         (Grounds(seen_s=0.5), (PREVENTED,), (), Whose.DRIVER),
         (Grounds(seen_s=0.5), (), (REACTS,), Whose.DRIVER),
         (Grounds(seen_s=0.5), (), (APART, IDEAL), Whose.UNAVOIDABLE),

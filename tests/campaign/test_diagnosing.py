@@ -4,18 +4,30 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.findings.diagnosing import FILE, diagnose, diagnosis_of, failing_named
+from foresee_dsl.campaign.findings.diagnosing import (
+    FILE,
+    DiagnosedFailure,
+    Failing,
+    diagnose,
+    diagnosis_of,
+    failing_named,
+)
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_ideal, without_ideal
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.report.terminal.diagnosis import diagnosis_text
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.trace import Event
+from tests.support.handmade_traces import EAST, NORTH, make_trace, straight
 
 P = DriverPart
 
@@ -64,6 +76,31 @@ def test_without_a_part_that_helps_it_is_the_planning(scenarios: Path) -> None:
     both = drive(P.TRACKING, P.CONTROL)
     assert both.cause == (P.TRACKING, P.CONTROL) and "only goes away with ideal tracking and control" in both.text
     assert len(drive(P.TRACKING, P.CONTROL, P.RULES).cause) == 3
+
+
+def test_a_part_with_which_the_driver_passes_elsewhere_is_the_probable_cause(scenarios: Path) -> None:
+    case = load_test_case(f"{scenarios / 'scenario7.foresee'}::r01")
+    passed = run_test_case(case, "pdm", 0)
+    van = straight("van", 50.0, 0.0, EAST, 0.0, seconds=4.0)
+    hit = Event(4.0, "ego", "collision", {"with": "van"})
+    failed = replace(
+        passed,
+        verdict=Verdict.F4,
+        reason="F4 collision with van",
+        trace=make_trace({"ego": straight("car", 0.0, 0.0, EAST, 10.0, seconds=4.0), "van": van}, events=[hit]),
+    )
+    turned = replace(passed, trace=make_trace({"ego": straight("car", 0.0, 0.0, NORTH, 10.0, seconds=4.0), "van": van}))
+
+    def drive(parts: frozenset[DriverPart]) -> RunResult:
+        return turned if P.TRACKING in parts else failed
+
+    no_map: Any = SimpleNamespace()  # an actor that stands needs no map
+    diagnosis = diagnosed(failed, no_map, drive, driver="pdm", seed=0, declared=(P.PERCEPTION, P.TRACKING, P.CONTROL))
+    assert diagnosis.cause == (P.TRACKING,) and not diagnosis.sure
+    assert diagnosis.text.startswith("probably tracking:")
+    table = diagnosis_text(DiagnosedFailure(Failing("turns", case, "pdm", 0), diagnosis))
+    assert "still fails: F4 collision with van" in table
+    assert "passes elsewhere: it takes another way" in table and "Passes elsewhere: the ego no longer" in table
 
 
 def test_the_command_says_why_a_passing_test_case_is_not_diagnosed(scenarios: Path) -> None:

@@ -7,14 +7,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from foresee_dsl.avoidance.causes import IdealRun
+from foresee_dsl.avoidance.causes import Diagnosis, IdealRun
 from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.report.terminal.review import wrapped
 
 _NONE = "no part (planning, or a situation that comes too late)"
-_NO_ANSWER = (
-    "No answer: the ego does not come into the situation in which it failed, so the run does not show whether the "
-    "part causes the failure."
+_ELSEWHERE = (
+    "Passes elsewhere: the ego no longer comes into the situation in which it failed. That may be because of the part, "
+    "or luck."
 )
 _PARTS = 22
 """Width of the column with the parts' names, columns."""
@@ -41,9 +41,9 @@ def _lines(result: DiagnosedFailure, *, short: bool) -> Iterator[str]:
     yield f"  {'ideal part':<{_PARTS}}the failure"
     for run in diagnosis.runs:
         yield from _row(run)
-    if any(run.shows_nothing for run in diagnosis.runs):
+    if any(run.elsewhere for run in diagnosis.runs):
         yield ""
-        yield from wrapped(_NO_ANSWER)
+        yield from wrapped(_ELSEWHERE)
 
 
 def _row(run: IdealRun) -> Iterator[str]:
@@ -58,9 +58,13 @@ def _row(run: IdealRun) -> Iterator[str]:
         yield from lines
 
 
+def _cause(diagnosis: Diagnosis) -> str:
+    return f"{'' if diagnosis.sure else 'probably '}{' + '.join(diagnosis.cause) or _NONE}"
+
+
 def counts_text(results: Sequence[DiagnosedFailure]) -> str:
     """Return the number of findings by the part that causes them."""
-    causes = Counter(" + ".join(r.diagnosis.cause) or _NONE for r in results if r.diagnosis is not None)
+    causes = Counter(_cause(r.diagnosis) for r in results if r.diagnosis is not None)
     lines = [
         "",
         f"Causes of {len(results)} findings",
