@@ -109,7 +109,7 @@ def _rules(
     if by_braking is not None:
         both = f"{reacting.driver} and UN Regulation 157's driver avoid it" if reacting is not None else ""
         avoided = avoided or "UN Regulation 157's driver avoids it by braking"
-    yield from _steered(story, avoided, both)
+    yield from _steered(story, avoided)
     yield from _by_rule(story, both)
     if avoided:
         yield Responsibility(Whose.DRIVER, avoided)
@@ -150,17 +150,15 @@ def _not_driving(story: Story) -> Iterator[Responsibility]:
         yield Responsibility(Whose.UNAVOIDABLE, f"the ego has stood for {grounds.stood_s:.1f} s")
 
 
-def _steered(story: Story, avoided: str, both: str) -> Iterator[Responsibility]:
+def _steered(story: Story, avoided: str) -> Iterator[Responsibility]:
     """Yield the judgement of an actor that the mutation steers into the ego.
 
-    It is unavoidable unless the actor is seen early and another driver reacts to it, or two drivers avoid it (`both`).
+    It is unavoidable unless the actor is seen early and another driver reacts to it.
     """
     acts_s = story.grounds.acts_s
     if story.grounds.steered:
         when = "" if acts_s is None else f" {acts_s:.1f} s before the contact"
         what = f"{quoted(story.opponent)} is steered into the ego{when}"
-        if both:
-            yield Responsibility(Whose.ARGUABLE, f"{what}, but {both}")
         if avoided and acts_s is not None and acts_s >= LOOKED_S:
             yield Responsibility(Whose.ARGUABLE, f"{what}; {avoided}")
         yield Responsibility(Whose.UNAVOIDABLE, what)

@@ -40,9 +40,7 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
 @pytest.mark.parametrize(
     ("grounds", "judgements", "runs", "answer"),
     [
-        (STEERED, (PREVENTED,), (REACTS,), Whose.ARGUABLE),
-        (STEERED, (PREVENTED,), (APART, IDEAL), Whose.UNAVOIDABLE),
-        (STEERED, (), (REACTS,), Whose.UNAVOIDABLE),
+        (STEERED, (PREVENTED,), (REACTS,), Whose.UNAVOIDABLE),
         (replace(STEERED, acts_s=LOOKED_S), (), (REACTS,), Whose.ARGUABLE),
         (replace(STEERED, acts_s=LOOKED_S), (), (APART,), Whose.UNAVOIDABLE),
         (Grounds(stands=True, seen_s=0.1), (), (), Whose.DRIVER),
