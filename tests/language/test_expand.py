@@ -42,9 +42,10 @@ from foresee_dsl.language.model import (
     When,
     Window,
 )
+from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.document import Document, TestCase
-from foresee_dsl.language.project.expand import expand_clip, expand_mutant, expanded_model
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant, expanded_model, expanded_text
 from tests.support.meaning_examples import (
     MODELS,
     NETWORK,
@@ -267,6 +268,17 @@ def test_paths_are_found_from_the_childs_folder() -> None:
         end = scenario.first(End)
         assert end is not None and end.where == "anywhere"  # the ego of a clip need not arrive
         assert [i for i in scenario.body if i is not end] == [i for i in case.scenario.body if not isinstance(i, End)]
+
+
+def test_the_text_says_which_sensor_errors_it_does_not_repeat() -> None:
+    for case, kind in ((clip_case(), "clip 'runner_p1'"), (mutated(), "mutant 'runner_p1_m1'")):
+        text = expanded_text(case)
+        assert parse(text, "full.foresee").model == expanded_model(case)
+        comments = [line for line in text.splitlines() if line.startswith("# ")]
+        assert kind in comments[0] and "parent's run from 12.40 s on" in comments[1] and len(comments) == 3
+    begins = tuple(Window(start=q("0 s"), end=q("9 s")) if isinstance(i, Window) else i for i in CLIP.body)
+    first = expand_clip(clip_of(PARENT.meaning, body=begins), PARENT, source=Path("c.foresee"))
+    assert "ensor" not in expanded_text(first) and not expanded_text(PARENT).count("# ")
 
 
 def test_an_inline_network_is_carried_along() -> None:

@@ -53,16 +53,17 @@ def expand(
     ],
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Print a clip, a mutant or a test case as one complete scenario, with its parents and its network written out.
+    """Print a clip, a mutant or a test case as one complete scenario, with everything of its parents in it.
+
+    The text of a clip or mutant has other sensor errors than the file itself, so it may end in another way.
 
     [dim]foresee expand out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
     from foresee_dsl.editor.highlight import show
-    from foresee_dsl.language.printer import print_model
-    from foresee_dsl.language.project.expand import expanded_model
+    from foresee_dsl.language.project.expand import expanded_text
     from foresee_dsl.language.project.loading import load_test_case
 
-    show(print_model(expanded_model(load_test_case(address, allow_outside=allow_outside))))
+    show(expanded_text(load_test_case(address, allow_outside=allow_outside)))
 
 
 # ---- sample ---------------------------------------------------------------------------------------------------------

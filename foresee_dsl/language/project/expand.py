@@ -13,11 +13,11 @@ from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.printer import value_text
+from foresee_dsl.language.printer import print_model, remarked, value_text
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.catalogues import check_models
 from foresee_dsl.language.project.concretise import concretise
-from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.project.document import Comments, Document, TestCase
 from foresee_dsl.language.traversal import mentioned, parts
 
 _T = TypeVar("_T")
@@ -111,6 +111,28 @@ def expanded_model(case: TestCase) -> m.Scenario:
     if any(isinstance(item, m.UseNetwork | m.Network) for item in scenario.body):
         return scenario
     return _behind_tags(scenario.name, scenario.body, _network_of(case, case.source.parent))
+
+
+def expanded_text(case: TestCase) -> str:
+    """Return a test case as the text of one full scenario.
+
+    That of a clip or mutant begins with comments that say what the scenario does not repeat: its sensors have the
+    errors of the first seconds of a run, those of a clip have the errors of its seconds in the parent's run.
+    """
+    model = expanded_model(case)
+    window = _first(case.clip, m.Window) if case.clip is not None else None
+    if case.clip is None or window is None:
+        return print_model(model)
+    kind = "clip" if case.mutant is None else "mutant"
+    name = case.clip.name if case.mutant is None else case.mutant.name
+    lines = [f"The {kind} '{name}' as a full scenario. Its paths begin at the folder of the {kind}'s file."]
+    if case.clip.start_s:
+        start = value_text(window.start)
+        lines += [
+            f"Sensor errors depend on the time: the {kind} has those of its parent's run from {start} on, this scenario",
+            f"those from 0 s on. So it may end in another way; `foresee run` of the {kind}'s own file repeats its run.",
+        ]
+    return print_model(model, {**remarked(model, {}), (): Comments(before=tuple(lines))})
 
 
 def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.ScenarioItem) -> m.Scenario:
