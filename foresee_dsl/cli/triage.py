@@ -38,7 +38,7 @@ def triage(
 ) -> None:
     """Write what was decided about a finding into triage.toml, the reviewed file of the project.
 
-    Later campaigns find it again by its story: reports say it and only count the finding.
+    All campaigns of the project and the driver find it again by its story: reports say it and only count the finding.
 
     [dim]foresee triage 3 known --note "brakes late behind buses, issue 12"
     foresee triage 3 open
@@ -60,9 +60,10 @@ def triage(
         if json:
             print_json({"file": standing.file, "entries": entries, "standing": standing})
             return
-        screen = console()
+        screen, own = console(), {decision.story for decision in standing.decisions.values()}
         for entry in entries:
-            screen.print(f"{entry.story}\n    {entry.text}", soft_wrap=True, markup=False)
+            other = "" if entry.story in own else f"\n    not a finding of the campaign in {campaign}"
+            screen.print(f"{entry.story}\n    {entry.text}{other}", soft_wrap=True, markup=False)
         for sentence in standing.notes:
             screen.print(sentence, soft_wrap=True, markup=False, style="dim")
         if not entries:

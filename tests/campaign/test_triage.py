@@ -10,7 +10,14 @@ from typing import Any
 import pytest
 from lxml import html
 
-from foresee_dsl.campaign.triage.decisions import FILE, Decision, Triage, decide, read_decisions
+from foresee_dsl.campaign.triage.decisions import (
+    FILE,
+    Decision,
+    Triage,
+    decide,
+    read_decisions,
+    triage_file,
+)
 from foresee_dsl.campaign.triage.history import FILE as HISTORY
 from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding
 from foresee_dsl.errors import ForeseeError
@@ -152,11 +159,18 @@ def test_what_is_new_still_there_triaged_and_gone_is_told_everywhere(project: Pa
 
 def test_an_entry_that_no_finding_has_is_told_and_stays(project: Path) -> None:
     data = json.loads((project / "out" / "campaign.json").read_text())
+    history = [json.loads(line) for line in (project / "out" / HISTORY).read_text().splitlines()]
+    before = {finding["story"] for past in history for finding in past["findings"]}
+    gone = sorted(before - {finding["story"] for finding in data["findings"]})[0]
+    entry = decision(f"idm | {gone}").entry
+    # Another campaign of the project may have found the second story, so only the list of entries speaks of it.
     family = data["test_cases"][0]["family"]
-    entry = decision(f"idm | {family} | pedestrian | flies").entry
+    (project / FILE).write_text(f"{entry}\n{decision(f'idm | {family} | zeppelin | flies').entry}\n")
+    listed = foresee(project, "triage")
+    assert "triage.toml: line 1 has a story that this campaign does not find any more" in listed
+    assert listed.count("not a finding of the campaign in out") == 2
+    assert "triage.toml: line 1 has" in foresee(project, "report", "out", "--format", "text")
     (project / FILE).write_text(entry + "\n")
-    assert "triage.toml: line 1 has a story that this campaign does not find any more" in foresee(project, "triage")
-    assert "does not find any more" in foresee(project, "report", "out", "--format", "text")
     name = data["findings"][0]["name"] if data["findings"] else ""
     if name:
         foresee(project, "triage", name, "known", "--note", "x")
@@ -171,6 +185,22 @@ def test_an_entry_that_no_finding_has_is_told_and_stays(project: Path) -> None:
     refused = foresee(project, "campaign", "crosser.foresee", *SHORT, "--out", "other", expect=1)
     assert f"{FILE}:1: this is not an entry" in refused and not (project / "other").exists()
     (project / FILE).unlink()
+
+
+def test_all_campaigns_of_a_project_have_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = tmp_path / "tests" / "one", tmp_path / "tests" / "more" / "two"
+    for folder in (one, two, tmp_path / "elsewhere"):
+        folder.mkdir(parents=True)
+    cases = [f"{one}/a.foresee::r01", f"{two}/b.foresee"]
+    monkeypatch.chdir(tmp_path)
+    for order in (cases, cases[::-1], cases[:1], cases[1:], ["tests/one/a.foresee"], []):
+        assert triage_file(order) == tmp_path / FILE, "there is no marker: the working folder"
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert triage_file(cases) == triage_file(cases[::-1]) == tmp_path / "tests" / FILE
+    for marker, place in ((".gitattributes", tmp_path), ("pyproject.toml", tmp_path / "tests")):
+        (place / marker).write_text("")
+        for order in (cases, cases[::-1], cases[:1], cases[1:]):
+            assert triage_file(order) == place / FILE
 
 
 def test_a_damaged_history_is_named(project: Path) -> None:

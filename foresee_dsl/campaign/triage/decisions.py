@@ -8,9 +8,10 @@ Each line is a TOML entry of its own, so that git can merge two versions line by
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -19,7 +20,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside_text, write_whole
 from foresee_dsl.helps import Help
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.project.addresses import absolute, project_folder
+from foresee_dsl.language.project.addresses import absolute, marked, project_folder
 
 FILE = "triage.toml"
 """Name of the file in a project's folder."""
@@ -86,11 +87,24 @@ def story_key(driver: str, story: str) -> str:
 
 
 def triage_file(test_cases: Iterable[str]) -> Path:
-    """Return the file of the project to which the first test case belongs; without test cases, the file of the working
-    folder's project.
+    """Return the file with the decisions about some test cases: that of the project to which all of them belong.
+
+    Without a marker of a project above them it lies in the working folder, if the test cases are below that, or else in
+    the folder that they have in common. Without test cases it is the file of the working folder's project.
     """
-    first = next(iter(test_cases), "")
-    return project_folder(absolute(Path(first.partition("::")[0]).parent)) / FILE
+    here = absolute(Path())
+    folders = [absolute(Path(address.partition("::")[0]).parent) for address in test_cases]
+    common = _common(folders) if folders else here
+    project = project_folder(common)
+    return (here if not marked(project) and common.is_relative_to(here) else project) / FILE
+
+
+def _common(folders: Sequence[Path]) -> Path:
+    """Return the innermost folder that contains all folders; the first folder if none does, as on other drives."""
+    try:
+        return Path(os.path.commonpath(folders))
+    except ValueError:
+        return folders[0]
 
 
 def read_decisions(file: Path) -> dict[str, Decision]:

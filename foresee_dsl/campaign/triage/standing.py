@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -37,8 +37,8 @@ class Standing:
     Attributes:
         since: for each story, whether it is new or still there; empty if there is no previous campaign. gone: findings
           of the previous campaign whose test cases ran again without that story. decisions: the decisions about stories
-          that were triaged, by story. unmatched: decisions about this driver and these families whose stories the
-          campaign does not have. file: the file of the decisions.
+          that were triaged, by story. unmatched: decisions about stories that an earlier campaign in this folder found,
+          and this one does not although it ran their test cases again. file: the file of the decisions.
     """
 
     since: Mapping[str, Since] = field(default_factory=dict)
@@ -103,8 +103,7 @@ def standing_of(result: CampaignResult, folder: Path) -> Standing:
     """
     stories = {finding.story_key: finding.test_case for finding in result.findings}
     cases = [seed.id for seed in result.seeds]
-    families = {seed.family for seed in result.seeds}
-    return _standing(folder, result.settings.driver, stories, cases, families, whole=not result.interrupted)
+    return _standing(folder, result.settings.driver, stories, cases, whole=not result.interrupted)
 
 
 def standing_of_written(data: Mapping[str, Any], folder: Path) -> Standing:
@@ -116,34 +115,32 @@ def standing_of_written(data: Mapping[str, Any], folder: Path) -> Standing:
     """
     findings = data.get("findings") or ()
     stories = {str(f["story"]): str(f["test_case"]) for f in findings if f.get("story")}
-    runs = data.get("test_cases", ())
-    cases, families = [str(run["test_case"]) for run in runs], {str(run.get("family", "")) for run in runs}
-    return _standing(folder, str(data["driver"]), stories, cases, families, whole=not data.get("interrupted"))
+    cases = [str(run["test_case"]) for run in data.get("test_cases", ())]
+    return _standing(folder, str(data["driver"]), stories, cases, whole=not data.get("interrupted"))
 
 
 def _standing(
-    folder: Path, driver: str, stories: Mapping[str, str], cases: Collection[str], families: Iterable[str], *,
-    whole: bool,
-) -> Standing:  # fmt: skip
+    folder: Path, driver: str, stories: Mapping[str, str], cases: Collection[str], *, whole: bool
+) -> Standing:
     file = triage_file(cases)
     decisions = read_decisions(file)
-    begins = tuple(story_key(driver, f"{family} | ") for family in families)
     keys = {story_key(driver, story): story for story in stories}
-    before = _before(folder, driver)
+    history = [past for past in read_history(folder) if past.driver == driver]
+    before = _before(folder, history)
+    # The project's other campaigns have decisions in the same file, so only stories of this folder can be missing.
+    earlier = {f.story for past in history for f in past.gone(stories, frozenset(cases))} if whole else set()
+    missing = {story_key(driver, story) for story in earlier}
     return Standing(
         since={} if before is None else {s: Since.STILL if s in before.stories else Since.NEW for s in stories},
         gone=before.gone(stories, frozenset(cases)) if whole and before is not None else (),
         decisions={story: decisions[key] for key, story in keys.items() if key in decisions},
-        unmatched=tuple(
-            decision for key, decision in decisions.items() if whole and key not in keys and key.startswith(begins)
-        ),
+        unmatched=tuple(decision for key, decision in decisions.items() if key in missing),
         file=file,
     )
 
 
-def _before(folder: Path, driver: str) -> PastCampaign | None:
-    """Return the previous campaign with the same driver in the folder; None if there is none."""
-    history = [past for past in read_history(folder) if past.driver == driver]
+def _before(folder: Path, history: Sequence[PastCampaign]) -> PastCampaign | None:
+    """Return the campaign before the one in the folder; None if there is none."""
     if not history:
         return None
     own = digest_of(read_outside_text(folder / JSON, "results"))

@@ -167,6 +167,11 @@ def project_folder(folder: Path) -> Path:
     return folder
 
 
+def marked(folder: Path) -> bool:
+    """Return whether a folder has a marker of a project."""
+    return any((folder / name).exists() for name in (*_MARKERS, _WITHOUT_GIT))
+
+
 def is_inside(path: Path, folders: Iterable[Path]) -> bool:
     """Return whether a path, with links followed, lies in one of some folders."""
     real = path.resolve()

@@ -129,8 +129,9 @@ def expanded_text(case: TestCase) -> str:
     if case.clip.start_s:
         start = value_text(window.start)
         lines += [
-            f"Sensor errors depend on the time: the {kind} has those of its parent's run from {start} on, this scenario",
-            f"those from 0 s on. So it may end in another way; `foresee run` of the {kind}'s own file repeats its run.",
+            f"Sensor errors depend on the time: the {kind} has those of its parent's run from {start} on,",
+            "this scenario has those from 0 s on. So it may end in another way; "
+            f"`foresee run` of the {kind}'s own file repeats its run.",
         ]
     return print_model(model, {**remarked(model, {}), (): Comments(before=tuple(lines))})
 
