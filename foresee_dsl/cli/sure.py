@@ -31,13 +31,14 @@ def sure(
     """Say how sure a failure is: the share of 20 sensor seeds that fail, the smallest change of each changed value at
     which it passes, a map over the two changes that matter most, and the failing region as a `require` line.
 
-    It takes some 120 runs of the finding.
+    It takes some 120 runs of the finding. The result is kept beside the campaign, where the page and `review` show it.
 
     [dim]foresee sure 3
     foresee sure 3 --jobs 2 --out region[/dim]
     """
     from foresee_dsl.campaign.findings.diagnosing import failing_named
     from foresee_dsl.campaign.findings.sure import how_sure
+    from foresee_dsl.campaign.findings.sureness import keep_sureness
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.terminal.live import bars
     from foresee_dsl.report.terminal.sureness import sureness_text
@@ -46,6 +47,8 @@ def sure(
     with bars(console(error=True)) as progress:
         task = progress.add_task("runs", total=None)
         result = how_sure(failing, jobs, lambda done, of: progress.update(task, completed=done, total=of), out)
+    if failing.campaign is not None:
+        keep_sureness(failing.campaign, result)
     if out is not None and result.region is None:
         raise ForeseeError(f"nothing is written to {out}: {result.note}")
     if json:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from foresee_dsl.avoidance.responsibility import Whose
@@ -15,6 +17,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.documents import plain
 from foresee_dsl.report.terminal.campaign import SCREEN_LINES, print_campaign, print_findings
+from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.story.story import ContactClass, Grounds, Story
@@ -92,8 +95,8 @@ def test_many_findings_fit_one_screen_in_order() -> None:
         lines = shown(result, console_width).split("\n")
         assert sum(max(1, -(-len(line) // width)) for line in lines) <= SCREEN_LINES - 2
         assert all(len(line) <= width for line in lines if is_row(line))
-    table = [line.split()[:3] for line in lines if is_row(line)]
-    assert table[0] == ["1", "driver", "F4"] and len(table) > 8
+    table = [line.split()[:2] for line in lines if is_row(line)]
+    assert table[0] == ["1", "F4"] and len(table) > 8 and "     the driver's fault" in lines
     assert "that no driver could have avoided" in lines[-4] and "foresee keep 1" in "\n".join(lines)
     ordered = result.findings
     assert [finding.number for finding in ordered] == list(range(1, 64))
@@ -112,4 +115,30 @@ def test_all_findings_can_be_listed() -> None:
     data = plain(CampaignResult(CampaignSettings(), MANY, (), 1.0))
     text = io.StringIO()
     print_findings(Console(file=text, width=80, highlight=False), data["findings"], Path("out"))
-    assert sum(is_row(line) for line in text.getvalue().split("\n")) == len(MANY)
+    lines = text.getvalue().split("\n")
+    assert sum(is_row(line) for line in lines) == len(MANY) and max(map(len, lines)) <= 80
+    assert [line.strip() for line in lines if line.strip() in {whose.text for whose in Whose}] == [
+        "the driver's fault", "arguable", "no driver could have avoided it"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [60, 80, 160])
+def test_no_text_of_the_table_is_cut(width: int) -> None:
+    title = "commuter at mill street: ego and pedestrian out of hiding collide before it"
+    changes = ("walker.timing 1.33", "as written", "a_car_with_a_long_name.timing 1.00 +3", "")
+    rows = [
+        FindingRow(k, "driver", code, words, change, since)
+        for k, (code, words, change, since) in enumerate(
+            product(("F2", "stuck"), (title, "ego stops"), changes, ("", "new"))
+        )
+    ]
+    lines, count = table_lines(rows, width)
+    texts = [line.plain for line in lines]
+    assert count == len(rows) and max(map(len, texts)) <= width
+    flat = " ".join(" ".join(texts).split())
+    for row in rows:
+        lead = " ".join(f"{row.number} {row.since} {row.code}".split())
+        assert f"{lead} {row.title} {row.change}".strip() in flat, row
+    for room in (5, 10, 20):
+        some, count = table_lines(rows, width, room)
+        assert len(some) <= room and some == lines[: len(some)] and 0 < count < len(rows)

@@ -275,7 +275,7 @@ def test_the_text_says_which_sensor_errors_it_does_not_repeat() -> None:
         text = expanded_text(case)
         assert parse(text, "full.foresee").model == expanded_model(case)
         comments = [line for line in text.splitlines() if line.startswith("# ")]
-        assert kind in comments[0] and "parent's run from 12.40 s on" in comments[1] and len(comments) == 3
+        assert kind in comments[0] and "parent's run from 12.40 s on" in comments[1] and len(comments) == 4
     begins = tuple(Window(start=q("0 s"), end=q("9 s")) if isinstance(i, Window) else i for i in CLIP.body)
     first = expand_clip(clip_of(PARENT.meaning, body=begins), PARENT, source=Path("c.foresee"))
     assert "ensor" not in expanded_text(first) and not expanded_text(PARENT).count("# ")

@@ -10,6 +10,7 @@ from typing import Any
 
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
+from foresee_dsl.campaign.findings.sureness import Sureness, sureness_of
 from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.documents import or_null
 from foresee_dsl.errors import ForeseeError
@@ -53,6 +54,8 @@ class Review:
     seed: int
     campaign: Path
     diagnosis: str = ""
+    sure: Sureness | None = None
+    """How sure the failure is; None before `foresee sure` was run."""
     standing: str = ""
     """Whether the finding is new since the previous campaign, and how it was triaged, in words."""
 
@@ -66,6 +69,7 @@ class Review:
             "files": {"as_found": self.as_found, "to_look_at": self.file},
             "commands": self.command_lines,
             "diagnosis": or_null(self.diagnosis),
+            "sure": self.sure,
             "standing": or_null(self.standing),
         }
 
@@ -103,6 +107,7 @@ class Review:
         if mutant:
             out = f" --campaign {shlex.quote(str(self.campaign))}" if self.campaign != Path("out") else ""
             next_steps.append(("check that it still fails", f"foresee verify {file}"))
+            next_steps.append(("see how sure it is", f"foresee sure {self.finding['name']}{out}"))
             next_steps.append(
                 ("get it unreduced", f"foresee minimise {self.finding['name']}{out} --full --out unreduced")
             )
@@ -129,6 +134,7 @@ def review_of(wanted: NamedFailure) -> Review:
     clip = Path(str(finding["clip"])).stem if finding.get("clip") else ""
     runs = (run["children"] for run in wanted.data.get("clip_runs", ()) if run["clip"] == clip)
     others = (child for children in runs for child in children if child["mutant"] != finding["name"])
+    reason = _reason_of(wanted, finding)
     return Review(
         finding=finding,
         asked=wanted.name,
@@ -140,7 +146,8 @@ def review_of(wanted: NamedFailure) -> Review:
         driver=str(settings.get("driver", "pdm")),
         seed=int(settings.get("seed", 0)),
         campaign=wanted.campaign,
-        diagnosis=diagnosis_of(wanted.campaign, str(finding["name"]), _reason_of(wanted, finding)),
+        diagnosis=diagnosis_of(wanted.campaign, str(finding["name"]), reason),
+        sure=sureness_of(wanted.campaign, str(finding["name"]), reason),
         standing=standing_of_written(wanted.data, wanted.campaign).words(str(finding.get("story", ""))),
     )  # fmt: skip
 

@@ -14,8 +14,8 @@ from typing import TypeVar
 from foresee_dsl.campaign.driving import longest_s, run_test_case
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.diagnosing import Failing
+from foresee_dsl.campaign.findings.sureness import SEED, SEEDS, SIDE, Edge, HeatMap, Region, Sureness
 from foresee_dsl.derive.minimise.boundary import ValueGrid, grid_of
-from foresee_dsl.documents import every_field, or_null
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import write_whole
@@ -25,18 +25,10 @@ from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item, print_model
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.project.expand import expand_mutant, expanded_model, surroundings
+from foresee_dsl.language.project.expand import expand_mutant, expanded_model, other_sensor_errors, surroundings
 from foresee_dsl.language.project.loading import Project, load_test_case
 from foresee_dsl.language.sampling.draws import values_of
 
-SEEDS = 20
-"""Number of sensor seeds. The share of them that fail is then known within 0.22 (half the width of the 95 % confidence
-interval of a share of one half).
-"""
-SIDE = 9
-"""Number of values along each side of the map. Ours: the failing value in the middle, four values from the unmutated
-one up to it, and as many beyond it.
-"""
 DRAWN = 5
 """Number of cases that are drawn inside the failing region. Ours: if 5 of 5 fail, at least 55 % of all cases in the
 region fail, with 95 % confidence.
@@ -49,103 +41,6 @@ Argument = TypeVar("Argument")
 Result = TypeVar("Result")
 Outcome = bool | None
 """Whether a run fails; None if its values are not possible."""
-
-
-@dataclass(frozen=True)
-class Edge:
-    """The values at which one changed value begins to pass while the other changes stay as they are.
-
-    Attributes:
-        change: actor and property, such as `walker.timing`. unit: unit of the values; "" for a ratio.
-        was, fails: the unmutated value, and the value of the finding. passes: the passing value nearest to `fails` on
-          the side of `was`; None if `was` fails too. beyond: the passing value nearest to `fails` on the other side;
-          None if none was found.
-        runs: number of runs in which these values were found.
-    """
-
-    change: str
-    unit: str
-    was: float
-    fails: float
-    passes: float | None
-    beyond: float | None
-    runs: int
-
-    def as_document(self) -> dict[str, object]:
-        """Return its JSON document."""
-        return {**every_field(self), "distance": self.distance}
-
-    @property
-    def distance(self) -> float | None:
-        """By how much the failing value must change at least for the run to pass; None if every tried value fails."""
-        far = [round(abs(value - self.fails), 6) for value in (self.passes, self.beyond) if value is not None]
-        return min(far, default=None)
-
-    @property
-    def share(self) -> float:
-        """The `distance` as a share of the mutation's own change of the value."""
-        distance = self.distance
-        return distance / abs(self.fails - self.was) if distance is not None else float("inf")
-
-
-@dataclass(frozen=True)
-class HeatMap:
-    """Which runs of a grid fail, by two changed values, or by one and the sensor seed.
-
-    Attributes:
-        across, down: the changes (or `seed`). columns, rows: their values as text.
-        fails: whether the run fails, by row and column; None where the values are not possible.
-    """
-
-    across: str
-    down: str
-    columns: tuple[str, ...]
-    rows: tuple[str, ...]
-    fails: tuple[tuple[bool | None, ...], ...]
-
-
-@dataclass(frozen=True)
-class Region:
-    """A part of the map in which every run fails.
-
-    Attributes:
-        parameters: the `param` lines that declare its values. require: the `require` line that limits them to the
-            region.
-        drawn, failed: number of cases that the language drew inside it, and how many of them fail.
-        files: two written scenarios: the finding's clip, and one that extends it by these lines; empty if they were not
-            to be written.
-    """
-
-    parameters: tuple[str, ...]
-    require: str
-    drawn: int
-    failed: int
-    files: tuple[Path, ...] = ()
-
-
-@dataclass(frozen=True)
-class Sureness:
-    """How sure a failure is.
-
-    Attributes:
-        name, number: name of the failure, and number of its finding (0 if there is no finding). seeds, failed: number
-            of sensor seeds, and of those that fail.
-        note: why there is no map or region; "" otherwise.
-    """
-
-    name: str
-    number: int
-    driver: str
-    seeds: int
-    failed: int
-    edges: tuple[Edge, ...] = ()
-    map: HeatMap | None = None
-    region: Region | None = None
-    note: str = ""
-
-    def as_document(self) -> dict[str, object]:
-        """Return its JSON document."""
-        return {**every_field(self), "note": or_null(self.note)}
 
 
 @dataclass(frozen=True)
@@ -191,10 +86,11 @@ def how_sure(
     subject = _Subject(case, clip, failing.driver, failing.seed, failing.rules)
     runs = _Runs(subject, jobs, progress)
     seeds = _seeds(failing.seed)
-    outcomes = runs.fail(_Variant(seed=seed) for seed in seeds)
-    if not outcomes[0]:
+    reasons = runs.reasons(seeds)
+    if not reasons[0]:
         raise ForeseeError(f"{failing.name} does not fail with {failing.driver} and seed {failing.seed} any more")
-    sure = Sureness(failing.name, failing.number, failing.driver, len(seeds), sum(map(bool, outcomes)))
+    failed = sum(map(bool, reasons))
+    sure = Sureness(failing.name, failing.number, failing.driver, reasons[0], len(seeds), failed)
     grids = [grid for grid in map(grid_of, case.mutant.changes if case.mutant else ()) if grid is not None]
     if not grids:
         return replace(sure, note="the finding changes no number, so there is no boundary, map or region")
@@ -218,6 +114,10 @@ class _Runs:
         self.subject, self._jobs, self._progress = subject, jobs, progress
         self._done = self._planned = 0
 
+    def reasons(self, seeds: Iterable[int]) -> list[str]:
+        """Return for each sensor seed how the failure's run ended; "" if it did not fail."""
+        return self._all(_reason, [replace(self.subject, seed=seed) for seed in seeds], 1)
+
     def fail(self, variants: Iterable[_Variant]) -> list[Outcome]:
         """Return for each variant whether it fails."""
         return self._all(partial(_fails, self.subject), list(variants), 1)
@@ -239,6 +139,11 @@ class _Runs:
                 self._done += 1
                 self._progress(self._done, self._planned)
         return [outcomes[str(k)] for k in range(len(arguments))]
+
+
+def _reason(subject: _Subject) -> str:
+    result = run_test_case(subject.case, subject.driver, subject.seed, rules=subject.rules)
+    return result.reason if result.verdict.is_failure else ""
 
 
 def _fails(subject: _Subject, variant: _Variant) -> Outcome:
@@ -340,7 +245,7 @@ def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tu
     fails = [outcomes[k : k + SIDE] for k in range(0, len(outcomes), SIDE)]
     heat_map = HeatMap(
         across=f"{across.change.actor}.{across.change.property}",
-        down=f"{others[0].change.actor}.{others[0].change.property}" if others else "seed",
+        down=f"{others[0].change.actor}.{others[0].change.property}" if others else SEED,
         columns=tuple(_text(across, k) for k in steps[0]),
         rows=tuple(names),
         fails=tuple(map(tuple, fails)),
@@ -423,7 +328,9 @@ def _scenarios(clip: TestCase, folder: Path, added: Sequence[str], changes: Sequ
     body = (*surroundings(clip, folder), *(item for item in whole.body if not isinstance(item, apart)))
     base = print_model(whole.model_copy(update={"name": "base", "body": body}))
     lines = [*(f"add {line}" for line in added), *changes, f"add cases {DRAWN} from seed 1"]
-    text = 'foresee 1\n\nscenario region extends "base.foresee" {\n' + "".join(f"  {line}\n" for line in lines) + "}\n"
+    remarks = "".join(f"# {line}\n" for line in (other_sensor_errors(clip.clip) if clip.clip is not None else ()))
+    inside = "".join(f"  {line}\n" for line in lines)
+    text = f'foresee 1\n\n{remarks}scenario region extends "base.foresee" {{\n{inside}}}\n'
     files = folder / "base.foresee", folder / "region.foresee"
     write_whole(files[0], base)
     write_whole(files[1], text)

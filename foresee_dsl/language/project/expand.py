@@ -114,26 +114,32 @@ def expanded_model(case: TestCase) -> m.Scenario:
 
 
 def expanded_text(case: TestCase) -> str:
-    """Return a test case as the text of one full scenario.
-
-    That of a clip or mutant begins with comments that say what the scenario does not repeat: its sensors have the
-    errors of the first seconds of a run, those of a clip have the errors of its seconds in the parent's run.
-    """
+    """Return a test case as the text of one full scenario; that of a clip or mutant begins with comments."""
     model = expanded_model(case)
-    window = _first(case.clip, m.Window) if case.clip is not None else None
-    if case.clip is None or window is None:
+    if case.clip is None:
         return print_model(model)
-    kind = "clip" if case.mutant is None else "mutant"
-    name = case.clip.name if case.mutant is None else case.mutant.name
-    lines = [f"The {kind} '{name}' as a full scenario. Its paths begin at the folder of the {kind}'s file."]
-    if case.clip.start_s:
-        start = value_text(window.start)
-        lines += [
-            f"Sensor errors depend on the time: the {kind} has those of its parent's run from {start} on,",
-            "this scenario has those from 0 s on. So it may end in another way; "
-            f"`foresee run` of the {kind}'s own file repeats its run.",
-        ]
-    return print_model(model, {**remarked(model, {}), (): Comments(before=tuple(lines))})
+    kind, name = ("clip", case.clip.name) if case.mutant is None else ("mutant", case.mutant.name)
+    lines = (
+        f"The {kind} '{name}' as a full scenario. Its paths begin at the folder of the {kind}'s file.",
+        *other_sensor_errors(case.clip, kind),
+    )
+    return print_model(model, {**remarked(model, {}), (): Comments(before=lines)})
+
+
+def other_sensor_errors(clip: m.Clip, kind: str = "clip") -> tuple[str, ...]:
+    """Return the comments which say that the full scenario of a clip, or of a mutant of it, has other sensor errors.
+
+    The errors depend on the time: a clip has those of its seconds in the parent's run, a scenario those from 0 s on.
+    """
+    window = _first(clip, m.Window)
+    if window is None or not clip.start_s:
+        return ()
+    start = value_text(window.start)
+    return (
+        f"Sensor errors depend on the time: the {kind} has those of its parent's run from {start} on,",
+        f"this scenario has those from 0 s on. So it may end in another way; `foresee run` of the {kind}'s own file",
+        "repeats its run.",
+    )
 
 
 def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.ScenarioItem) -> m.Scenario:

@@ -77,6 +77,8 @@ PAINTS: Mapping[str, Paint] = MappingProxyType(
         "mistake-name": Paint("#b42318", "", "#ff8a80", ""),
         "forecast": Paint("", "#7c3aed", "", "#c4a1ff"),
         "contact": Paint("#d11a2a", "#d11a2a", "#ff6b6b", "#ff6b6b"),
+        "fails": Paint("#c2410c", "", "#ff9d5c", ""),
+        "passes": Paint("#dfe5ec", "", "#2f3843", ""),
         "shade": Paint("#263242", "", "#000000", "", 0.28),
         "leader": Paint("", "#5c636d", "", "#9aa3ae", 0.8),
         "junction-name": Paint("#2b3138", "", "#d5dbe3", ""),

@@ -12,6 +12,7 @@ from foresee_dsl.avoidance.responsibility import FOLDED
 from foresee_dsl.campaign.assembly import reference_trace
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.grouping import case_file_name
+from foresee_dsl.campaign.findings.sureness import sureness_of
 from foresee_dsl.campaign.findings.written import read_written
 from foresee_dsl.campaign.triage.decisions import counted_decisions
 from foresee_dsl.campaign.triage.standing import standing_of_written
@@ -176,6 +177,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
         yield FindingEntry(
             key=f"{source.campaign.driver}-{record.name}" if several else record.name,
             title=sentence,
+            short_title=record.title,
             class_=record.class_ or runs[0].class_,
             verdict=record.verdict,
             label=runs[0].label,
@@ -189,6 +191,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
             number=record.number,
             judgement=record.judgement,
             diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.reason),
+            sure=sureness_of(source.folder, record.name, runs[0].outcome.reason),
             rate=record.rate or "",
             since=source.standing.of(record.story),
             triage=source.standing.decisions.get(record.story),

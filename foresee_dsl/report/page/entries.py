@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.avoidance.responsibility import FOLDED
+from foresee_dsl.campaign.findings.sureness import Sureness
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.documents import or_null
@@ -49,12 +50,16 @@ class FindingEntry:
     runs: tuple[Run, ...]
     more: tuple[str, ...] = ()
     """Names of further runs, which are not shown."""
+    short_title: str = ""
+    """The story in at most twelve words; "" if there is none, as in a campaign of an older version."""
     number: int = 0
     """The number by which commands address the finding; 0 if it has none."""
     judgement: Judgement = NO_JUDGEMENT
     """The judgement on whose failure it is; empty if the campaign was written by a version without judgements."""
     diagnosis: str = ""
     """The part of the driver that causes the failure, in words; "" before `foresee diagnose` was run."""
+    sure: Sureness | None = None
+    """How sure the failure is; None before `foresee sure` was run."""
     rate: str = ""
     """How many runs fail if the driver is not deterministic: `7/10`."""
     since: Since = Since.FIRST
@@ -68,6 +73,7 @@ class FindingEntry:
             "number": self.number,
             "name": self.name,
             "judgement": {"word": self.judgement.word, "text": self.judgement.text, "reason": self.judgement.reason},
+            "title": or_null(self.short_title),
             "sentence": self.title,
             "class": self.class_,
             "verdict": self.verdict,
@@ -77,6 +83,7 @@ class FindingEntry:
             "anticipation": self.anticipation,
             "test_case": self.test_case,
             "diagnosis": self.diagnosis,
+            "sure": self.sure,
             "rate": or_null(self.rate),
             "since": or_null(self.since),
             "triage": self.triage,

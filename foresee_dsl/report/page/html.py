@@ -16,6 +16,8 @@ from foresee_dsl.report.drawing.ground import Layer
 from foresee_dsl.report.drawing.palette import custom_properties
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import family_title, options_of
+from foresee_dsl.report.page.heat_map import PAINTS as MAP_PAINTS
+from foresee_dsl.report.page.heat_map import heat_map_svg
 from foresee_dsl.report.page.playback import MEASURES
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
@@ -56,6 +58,8 @@ def write_report(folders: Sequence[Path], file: Path, *, reasons: bool = False) 
 
 def rendered(contents: Contents, reader: Reader) -> str:
     """Return the page as HTML; names and reasons are escaped, so that they are shown as text."""
+    from markupsafe import Markup
+
     style = page_style()
     script = "\n".join(map(_source, SCRIPTS))
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
@@ -78,6 +82,7 @@ def rendered(contents: Contents, reader: Reader) -> str:
         style_hash=hash_of(style),
         script_hash=hash_of(script),
         family_title=family_title,
+        heat_map_svg=lambda heat_map: Markup(heat_map_svg(heat_map)),  # noqa: S704 - the template of pictures escapes
         data={
             name: _data(value)
             for name, value in {"drawing": _DRAWING, **reader.roads.as_dict(), **reader.playbacks}.items()
@@ -89,7 +94,10 @@ def rendered(contents: Contents, reader: Reader) -> str:
 def page_style() -> str:
     """Return the style of the page."""
     template = templates("report", markup=False).get_template("page.css.j2")
-    return template.render(light=custom_properties(PAINTS), dark=custom_properties(PAINTS, dark=True))
+    paints = tuple(dict.fromkeys((*PAINTS, *MAP_PAINTS)))
+    return template.render(
+        light=custom_properties(paints), dark=custom_properties(paints, dark=True), map_paints=MAP_PAINTS
+    )
 
 
 @cache

@@ -30,6 +30,7 @@ def _lines(finding: FindingEntry) -> list[str]:
     lines = [f"{safe(finding.name)}", f"  {safe(finding.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
     lines += [f"  {safe(finding.standing)}"] if finding.standing else []
     lines += [f"  {safe(line, 10_000)}" for line in first.changes]
+    lines += [f"  {finding.sure.failed} of {finding.sure.seeds} sensor seeds fail"] if finding.sure else []
     lines += [f"  {safe(command, 10_000)}" for _, command in first.commands]
     if finding.count > 1:
         others = [*finding.others, *finding.more]

@@ -141,6 +141,7 @@ class Finding(_Part):
 
     name: str
     story: str = ""
+    title: str = ""
     rate: str | None = None
     sentence: str
     class_: str = Field(alias="class")

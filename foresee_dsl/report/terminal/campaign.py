@@ -8,9 +8,10 @@ import io
 import math
 import os
 import shlex
+import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,10 @@ from foresee_dsl.avoidance.responsibility import FOLDED, Whose
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
-from foresee_dsl.campaign.triage.standing import Since, Standing, standing_of
+from foresee_dsl.campaign.triage.standing import Standing, standing_of
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
 from foresee_dsl.report.terminal.tables import duration
 from foresee_dsl.report.verdicts import (
@@ -44,7 +46,7 @@ PIPE_COLUMNS, WIDEST_COLUMNS = 80, 500
 """Columns of the table when the output is not a terminal, and columns from which a console is taken as one that wraps
 no lines. Ours: logs of builds and mails are read at 80 columns."""
 LEAST_ROWS = 10
-"""Number of findings that are listed even if many runs broke and need lines of the screen."""
+"""Number of lines that the table of findings has even if many runs broke and need lines of the screen."""
 NEAREST = 5
 """Maximum number of near misses that are printed."""
 NAMED = 3
@@ -88,7 +90,7 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
     used = sum(_height(line, width) for line in end)
     console.print()
     for line in _table(findings, standing, width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
-        console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
+        console.print(line, soft_wrap=True)
     for line in end:
         console.print(line, soft_wrap=True)
     if raw:
@@ -104,9 +106,9 @@ def print_findings(
     standing: Standing = Standing(),  # noqa: B008 - immutable
 ) -> None:
     """Print all findings of a written campaign in its order, one line each, including those that the report folds."""
-    rows = [_Row.of_written(finding, standing) for finding in findings]
-    for line in _lines(rows, _width(console)):
-        console.print(line, no_wrap=True, overflow="ellipsis", crop=True)
+    rows = [FindingRow.of_written(finding, standing) for finding in findings]
+    for line in table_lines(rows, _width(console))[0]:
+        console.print(line, soft_wrap=True)
     for text in _standing_lines(standing):
         console.print(text, soft_wrap=True)
     if rows:
@@ -115,58 +117,10 @@ def print_findings(
         console.print("no findings")
 
 
-@dataclass(frozen=True)
-class _Row:
-    """A line in the table of findings."""
-
-    number: int
-    whose: str
-    code: str
-    title: str
-    change: str
-    since: str = ""
-
-    @classmethod
-    def of(cls, finding: Finding, standing: Standing) -> _Row:
-        """Return the line of a finding."""
-        changes = finding.run.changes if isinstance(finding.run, ChildOutcome) else []
-        whose = finding.responsibility.whose.value
-        since = _since(finding.story_key, standing)
-        code = finding.rate or finding.verdict.value
-        return cls(finding.number, whose, code, finding.title, _change(changes), since)
-
-    @classmethod
-    def of_written(cls, finding: Mapping[str, Any], standing: Standing) -> _Row:
-        """Return the line of a finding of `campaign.json`."""
-        small = finding.get("minimised")
-        change = _change(small["changed"]) if small else "" if finding.get("clip") else _change(())
-        since, code = _since(str(finding.get("story", "")), standing), finding.get("rate") or finding["verdict"]
-        return cls(finding["number"], finding["judgement"]["word"], code, finding["title"], change, since)
-
-
-def _since(story: str, standing: Standing) -> str:
-    """Return a word for what became of a story: how it was triaged, or whether the campaign before found it."""
-    decision = standing.decisions.get(story)
-    return decision.triage.text if decision is not None else _SINCE[standing.of(story)]
-
-
-_SINCE = {Since.NEW: "new", Since.STILL: "still", Since.FIRST: ""}
-"""The column of the table that says whether the campaign before found a story."""
-
-
 def _standing_lines(standing: Standing) -> Iterator[Text]:
     """Yield what is new, still there and gone since the campaign before, and decisions that match no finding."""
     for note in standing.notes:
         yield Text(safe(note), style="dim")
-
-
-def _change(changes: Sequence[str]) -> str:
-    """Return the first of a mutant's changes, shortened, such as `walker.timing 1.23`."""
-    if not changes:
-        return "as written"
-    what, _, values = changes[0].partition(": ")
-    now = values.partition("=> ")[2].split(" from ")[0]
-    return f"{what} {now}" + (f" +{len(changes) - 1}" if len(changes) > 1 else "")
 
 
 def _table(findings: Sequence[Finding], standing: Standing, width: int, room: int, out: Path) -> Iterator[Text]:
@@ -175,40 +129,17 @@ def _table(findings: Sequence[Finding], standing: Standing, width: int, room: in
         return
     others = [finding for finding in findings if finding.story_key not in standing.decisions]
     folded = [finding for finding in others if finding.responsibility.whose in FOLDED]
-    rows = [_Row.of(finding, standing) for finding in others if finding.responsibility.whose not in FOLDED]
-    most = room - 1 - bool(folded or standing.decisions)
-    yield from _lines(rows if len(rows) <= most else rows[: most - 1], width)
+    rows = [FindingRow.of(finding, standing) for finding in others if finding.responsibility.whose not in FOLDED]
     counts = Counter(finding.responsibility.whose for finding in folded)
-    if len(rows) > most:
-        yield Text(f"     and {len(rows) - most + 1} more: foresee review{_in(out)} lists all", style="dim")
     kinds = [f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose]]
-    if kinds or standing.triaged:
-        yield Text(f"     not listed: {', '.join([*kinds, *filter(None, [standing.triaged])])}", style="dim")
-
-
-def _lines(rows: Sequence[_Row], width: int) -> Iterator[Text]:
-    """Yield the lines of the table, each at most as wide as the terminal."""
-    if not rows:
-        return
-    whose = max(len("judgement"), *(len(row.whose) for row in rows))
-    change = min(max(len("smallest change"), *(len(row.change) for row in rows)), width // 4)
-    since = max(len(row.since) for row in rows)
-    since = max(since, len("since")) + 2 if since else 0
-    title = max(min(max(len(row.title) for row in rows), width - whose - change - since - 16), 10)
-
-    def line(number: str, standing: str, judgement: str, code: str, what: str, how: str, style: str = "") -> Text:
-        text = Text(f"{number:>3}  {standing:<{since}}{judgement:<{whose}}  ")
-        text.append(f"{code:<5}  ", style)
-        text.append(f"{_cut(what, title):<{title}}  ", "bold" if style else "")
-        text.append(_cut(how, change))
-        text.rstrip()
-        return text
-
-    head = line("#", "since" if since else "", "judgement", "code", "what happens", "smallest change")
-    head.stylize("dim")
-    yield head
-    for row in rows:
-        yield line(str(row.number), row.since, row.whose, row.code, safe(row.title), safe(row.change), "red")
+    unlisted = ", ".join([*kinds, *filter(None, [standing.triaged])])
+    end = textwrap.wrap(f"not listed: {unlisted}", width - 5) if unlisted else []
+    lines, count = table_lines(rows, width, room - len(end))
+    if count < len(rows):
+        lines, count = table_lines(rows, width, room - len(end) - 1)
+        lines.append(Text(f"     and {len(rows) - count} more: foresee review{_in(out)} lists all", style="dim"))
+    yield from lines
+    yield from (Text(f"     {line}", style="dim") for line in end)
 
 
 def _width(console: Console) -> int:
@@ -216,10 +147,6 @@ def _width(console: Console) -> int:
     pipe.
     """
     return console.width if console.width <= WIDEST_COLUMNS else PIPE_COLUMNS
-
-
-def _cut(text: str, width: int) -> str:
-    return text if len(text) <= width else f"{text[: width - 3].rstrip()}..."
 
 
 def _height(line: Text, width: int) -> int:
@@ -235,7 +162,7 @@ def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
     first, where = findings[0].number, _in(out)
     commands = (
         (f"foresee show {first}{where}", "what happens, in pictures"),
-        (f"foresee review {first}{where}", "why it fails, how near it is to passing, which mutants passed"),
+        (f"foresee review {first}{where}", "why, and how near it is to passing"),
         (f"foresee keep {first}{where}", "make it a regression test"),
         (f"foresee review{where}", "list all findings"),
     )

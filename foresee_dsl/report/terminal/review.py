@@ -69,13 +69,22 @@ def _lines(review: Review) -> Iterator[str]:
             no = f"not comparable, {apart}" if passes else f"no, {run['reason']}"
             answer = f"yes, {how}" if run["avoids"] else no
             yield from wrapped(f"{run['driver']}: {answer}", "  ")
-    if review.diagnosis:
-        yield from ("", "Which part of the driver causes it?", *wrapped(review.diagnosis, "  "))
+    yield from _cause_and_sureness(review)
     yield from ("", "Files")
     yield from _files(review)
     yield from ("", "Commands")
     for words, command in review.commands:
         yield from (f"  {words}:", f"    {safe(command, _LONGEST)}")
+
+
+def _cause_and_sureness(review: Review) -> Iterator[str]:
+    if review.diagnosis:
+        yield from ("", "Which part of the driver causes it?", *wrapped(review.diagnosis, "  "))
+    if review.sure is not None:
+        yield from ("", "How sure is it?")
+        yield from wrapped(f"{review.sure.failed} of {review.sure.seeds} sensor seeds fail", "  ")
+        for edge in review.sure.edges:
+            yield from wrapped(edge.text, "  ", more="  ")
 
 
 def _difference(small: Mapping[str, Any] | None) -> Iterator[str]:

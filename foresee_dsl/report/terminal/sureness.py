@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from foresee_dsl.campaign.findings.sure import Edge, HeatMap, Sureness
+from foresee_dsl.campaign.findings.sureness import HeatMap, Sureness
 from foresee_dsl.report.terminal.review import wrapped
 
 _MARKS = {True: "#", False: ".", None: " "}
@@ -24,7 +24,7 @@ def _lines(sure: Sureness) -> Iterator[str]:
     if sure.edges:
         yield from ("", "Boundary")
         for edge in sure.edges:
-            yield from wrapped(edge_text(edge), "  ", more="  ")
+            yield from wrapped(edge.text, "  ", more="  ")
     if sure.map is not None:
         yield from ("", *map_lines(sure.map))
     region = sure.region
@@ -32,18 +32,6 @@ def _lines(sure: Sureness) -> Iterator[str]:
         yield from ("", f"Failing region: {region.failed} of {region.drawn} cases drawn inside it fail")
         yield from (f"  {line}" for line in (*region.parameters, region.require))
         yield from map(str, region.files)
-
-
-def edge_text(edge: Edge) -> str:
-    """Return, in words, at which value of a change the run fails, and at which nearby values it passes."""
-    unit = f" {edge.unit}" if edge.unit else ""
-    sides = [
-        f"{value:.2f}{unit} ({abs(value - edge.fails):.2f}{unit} {where})"
-        for value, where in ((edge.passes, "nearer to the unmutated value"), (edge.beyond, "beyond"))
-        if value is not None
-    ]
-    passes = f"passes at {' and at '.join(sides)}" if sides else "passes nowhere that was tried"
-    return f"{edge.change} fails at {edge.fails:.2f}{unit}; {passes}; unmutated {edge.was:.2f}{unit}"
 
 
 def map_lines(heat_map: HeatMap) -> Iterator[str]:
