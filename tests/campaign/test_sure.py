@@ -51,6 +51,7 @@ def test_a_finding_with_all_its_figures(tmp_path: Path, monkeypatch: pytest.Monk
     for edge in sure.edges:
         assert edge.distance is None or edge.distance > 0
     assert len(sure.map.fails) == SIDE and all(len(row) == SIDE for row in sure.map.fails)
+    assert sure.map.unmutated[0] == sure.map.columns[0], "the map begins at the unmutated value"
     own = SIDE // 2 if sure.map.down != "seed" else 0
     assert sure.map.fails[own][SIDE // 2] is True
     assert sure.region.failed == sure.region.drawn == 5
@@ -71,7 +72,8 @@ def test_what_is_kept_is_shown_with_the_run_that_it_is_about(tmp_path: Path, mon
     finding = result.findings[0]
     edge = Edge("other.timing", "", 1.0, 1.2, 1.1, None, 9)
     fails = ((False, False, True), (False, True, True), (None, True, False))
-    heat_map = HeatMap("other.timing", "other.delay", ("1.00", "1.20", "1.40"), ("0.00 s", "0.10 s", "0.20 s"), fails)
+    heat_map = HeatMap("other.timing", "other.delay", ("1.00", "1.20", "1.40"), ("0.00 s", "0.10 s", "0.20 s"), fails,
+                       ("1.00", "0.00 s"))  # fmt: skip
     region = Region(("param other_timing: ratio",), "require other_timing >= 1.2", 5, 5)
     name, reason = finding.name, finding.run.reason
     sure = Sureness(name, finding.number, "idm", reason, SEEDS, 17, (edge,), heat_map, region)
@@ -88,8 +90,9 @@ def test_what_is_kept_is_shown_with_the_run_that_it_is_about(tmp_path: Path, mon
     assert [len(list(cell.iter("path"))) for cell in cells] == [1, 1, 1, 1, 2, 1, 1, 1, 1], "the finding has a frame"
     assert next(cells[4].iter("title")).text == "other.timing 1.20, other.delay 0.10 s: fails, the finding"
     assert "9 runs, of which 4 fail" in next(figure.iter("svg")).get("aria-label", "")
-    texts = {text.text for text in figure.iter("text")}
-    assert {"1.00", "0.20", "other.timing", "other.delay, s"} <= texts
+    texts = {text.text: text.get("class") for text in figure.iter("text")}
+    assert {"1.40", "0.20", "other.timing", "other.delay, s"} <= texts.keys()
+    assert {text for text, style in texts.items() if style.endswith(" b")} == {"1.00", "0.00"}, "the unmutated ones"
     write_markdown([tmp_path / "out"], tmp_path / "report.md")
     review = command.foresee("review", name).stdout
     for shown in (page.text_content(), " ".join(review.split()), (tmp_path / "report.md").read_text()):

@@ -15,7 +15,7 @@ from foresee_dsl.campaign.driving import longest_s, run_test_case
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.diagnosing import Failing
 from foresee_dsl.campaign.findings.sureness import SEED, SEEDS, SIDE, Edge, HeatMap, Region, Sureness
-from foresee_dsl.derive.minimise.boundary import ValueGrid, grid_of
+from foresee_dsl.derive.minimise.boundary import NEIGHBOURS, ValueGrid, grid_of
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import write_whole
@@ -176,7 +176,10 @@ def _changed(subject: _Subject, *values: m.Change) -> tuple[m.Change, ...]:
 
 
 def _edge(subject: _Subject, grid: ValueGrid) -> Edge:
-    """Return the boundary of one value on both sides, by bisection with real runs."""
+    """Return the boundary of one value on both sides, with real runs: of the first values on a side, then by bisection.
+
+    The first values are tried one by one because the failing region may have gaps.
+    """
     ended: dict[int, Outcome] = {0: True}
 
     def fails(k: int) -> bool:
@@ -191,12 +194,22 @@ def _edge(subject: _Subject, grid: ValueGrid) -> Edge:
             first, last = (middle, last) if fails(middle) else (first, middle)
         return last
 
-    towards = None if fails(grid.count) else passing(0, grid.count)
-    farthest, far = 0, -1
-    while -far <= _FARTHEST and fails(far):
+    def near(last: int) -> int | None:
+        """Return the nearest of the first values towards `last` that passes; None if they all fail."""
+        step = 1 if last > 0 else -1
+        return next((k for k in range(step, step * min(NEIGHBOURS, abs(last)) + step, step) if not fails(k)), None)
+
+    towards = near(grid.count)
+    if towards is None and not fails(grid.count):
+        towards = passing(min(NEIGHBOURS, grid.count - 1), grid.count)
+    beyond = near(-_FARTHEST)
+    farthest, far = -NEIGHBOURS, -NEIGHBOURS - 1
+    while beyond is None and -far <= _FARTHEST and fails(far):
         farthest, far = far, 2 * far
-    possible = -far <= _FARTHEST and ended[far] is not None
-    beyond = passing(farthest, far) if possible else None
+    if beyond is None and -far <= _FARTHEST:
+        beyond = passing(farthest, far)
+    if beyond is not None and ended[beyond] is None:  # these values are not possible
+        beyond = None
     return Edge(
         change=f"{grid.change.actor}.{grid.change.property}",
         unit=grid.unit,
@@ -209,8 +222,8 @@ def _edge(subject: _Subject, grid: ValueGrid) -> Edge:
 
 
 def _at(grid: ValueGrid, k: int) -> m.Change:
-    """Return the change with the value at index `k` of its grid; the last index has the unmutated value."""
-    if k < grid.count:
+    """Return the change with the value at index `k` of its grid; index `count` has the unmutated value."""
+    if k != grid.count:
         return grid.changed(k)
     return grid.change.model_copy(update={"now": m.Quantity(value=grid.was, unit=grid.unit)})
 
@@ -249,6 +262,7 @@ def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tu
         columns=tuple(_text(across, k) for k in steps[0]),
         rows=tuple(names),
         fails=tuple(map(tuple, fails)),
+        unmutated=tuple(_text(grid, grid.count) for grid in grids),
     )
     own = SIDE // 2
     top, bottom, left, right = _largest_box(fails if others else fails[:1], own if others else 0, own)
@@ -259,9 +273,12 @@ def _mapped(runs: _Runs, grids: Sequence[ValueGrid], seeds: Sequence[int]) -> tu
 
 
 def _numbers(grid: ValueGrid) -> list[int]:
-    """Return the indices of a grid along one side of the map, from the unmutated value to twice the change."""
-    step = max(1, round(grid.count / (SIDE // 2)))
-    return [step * k for k in range(SIDE // 2, -(SIDE // 2) - 1, -1)]
+    """Return the indices of a grid along one side of the map, from the unmutated value to twice the change.
+
+    A change of fewer steps than half the side has values beyond the unmutated one, too.
+    """
+    half = SIDE // 2
+    return [round(max(grid.count, half) * k / half) for k in range(half, -half - 1, -1)]
 
 
 def _text(grid: ValueGrid, k: int) -> str:
@@ -318,7 +335,7 @@ def _at_values(
 
 
 def _decimal(grid: ValueGrid, k: int) -> Decimal:
-    return grid.was if k >= grid.count else grid.value(k)
+    return grid.was if k == grid.count else grid.value(k)
 
 
 def _scenarios(clip: TestCase, folder: Path, added: Sequence[str], changes: Sequence[str]) -> tuple[Path, Path]:

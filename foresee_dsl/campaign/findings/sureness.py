@@ -84,6 +84,7 @@ class HeatMap:
     Attributes:
         across, down: the changes (or `SEED`). columns, rows: their values as text.
         fails: whether the run fails, by row and column; None where the values are not possible.
+        unmutated: the unmutated value of each change, as text.
     """
 
     across: str
@@ -91,10 +92,11 @@ class HeatMap:
     columns: tuple[str, ...]
     rows: tuple[str, ...]
     fails: tuple[tuple[bool | None, ...], ...]
+    unmutated: tuple[str, ...]
 
     @property
     def own(self) -> tuple[int, int]:
-        """Row and column of the finding itself; the unmutated values are those of the first row and column."""
+        """Row and column of the finding itself."""
         return len(self.rows) // 2 if self.down != SEED else 0, len(self.columns) // 2
 
 

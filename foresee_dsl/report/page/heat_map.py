@@ -27,7 +27,10 @@ def heat_map_svg(heat_map: HeatMap) -> str:
 
 
 def heat_map_sheet(heat_map: HeatMap) -> Sheet:
-    """Return the map as a picture: a cell for each run, and the values at the left and the lower side."""
+    """Return the map as a picture: a cell for each run, and the values at the left and the lower side.
+
+    The unmutated values are bold.
+    """
     left = _EDGE_PX + _SIZES.text * 1.6 + max(width_of(_number(name), _SIZES.small) for name in heat_map.rows)
     wide, high = len(heat_map.columns) * _CELL_PX, len(heat_map.rows) * _CELL_PX
     bottom = _EDGE_PX + high
@@ -61,10 +64,13 @@ def _cells(heat_map: HeatMap, left: float) -> Iterator[DrawnPart]:
 
 
 def _values(heat_map: HeatMap, left: float, bottom: float) -> Iterator[Words]:
+    across, *down = heat_map.unmutated
     for column, name in enumerate(heat_map.columns):
-        yield Words("quiet", _number(name), left + (column + 0.5) * _CELL_PX, bottom + 10, "small", "middle")
+        x = left + (column + 0.5) * _CELL_PX
+        yield Words("quiet", _number(name), x, bottom + 10, "small", "middle", bold=name == across)
     for row, name in enumerate(heat_map.rows):
-        yield Words("quiet", _number(name), left - 4, _EDGE_PX + (row + 0.5) * _CELL_PX, "small", "end")
+        y = _EDGE_PX + (row + 0.5) * _CELL_PX
+        yield Words("quiet", _number(name), left - 4, y, "small", "end", bold=name in down)
 
 
 def _number(value: str) -> str:
