@@ -11,7 +11,7 @@ import shlex
 import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ notes on the store). Ours: terminals are opened with 40 lines today."""
 PIPE_COLUMNS, WIDEST_COLUMNS = 80, 500
 """Columns of the table when the output is not a terminal, and columns from which a console is taken as one that wraps
 no lines. Ours: logs of builds and mails are read at 80 columns."""
-LEAST_ROWS = 10
+LEAST_LINES = 14
 """Number of lines that the table of findings has even if many runs broke and need lines of the screen."""
 NEAREST = 5
 """Maximum number of near misses that are printed."""
@@ -70,33 +70,43 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
 
     With `raw` also the raw numbers. Each path is on a line of its own, which is never wrapped.
     """
-    findings, standing = result.findings, standing_of(result, out)
-    end = [
-        *_broken_lines(result),
-        *_breaking_lines(result),
-        *_others_lines(result, findings, out),
-        *_changed_lines(result),
-        *(_next_lines(findings, out) if findings else ()),
-        *(_nearest_lines(result, out) if not result.failed and not result.broken else ()),
-        Text(),
-        *_standing_lines(standing),
-        *_summary(result, findings),
-    ]
-    if result.interrupted:
-        end.append(
-            Text(f"The campaign was interrupted; the finished runs are kept in {safe(out, WHOLE)}.", style="yellow")
-        )
-    width = _width(console)
-    used = sum(_height(line, width) for line in end)
+    standing, width = standing_of(result, out), _width(console)
+    table = _Table.of(result.findings, standing, out)
+    # A long table leaves room for only one example of what else went wrong.
+    for named in (NAMED, 1):
+        end = list(_end(result, table, standing, out, named))
+        used = sum(_height(line, width) for line in end)
+        lines, whole = table.lines(width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_LINES))
+        if whole:
+            break
     console.print()
-    for line in _table(findings, standing, width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_ROWS), out):
-        console.print(line, soft_wrap=True)
-    for line in end:
+    for line in (*lines, *end):
         console.print(line, soft_wrap=True)
     if raw:
         console.print()
         for part in raw_numbers(result):
             console.print(part)
+
+
+def _end(result: CampaignResult, table: _Table, standing: Standing, out: Path, named: int) -> Iterator[Text]:
+    """Yield the lines after the table.
+
+    `named`: maximum number of test cases, reasons or expectations that are named.
+    """
+    yield from _broken_lines(result, named)
+    yield from _breaking_lines(result, named)
+    yield from _others_lines(result, table.findings, out)
+    yield from _changed_lines(result)
+    if table.findings:
+        yield from _next_lines(table.findings, out)
+    if not result.failed and not result.broken:
+        yield from _nearest_lines(result, out)
+    yield Text()
+    yield from _standing_lines(standing)
+    yield from _summary(result, table.findings)
+    if result.interrupted:
+        words = f"The campaign was interrupted; the finished runs are kept in {safe(out, WHOLE)}."
+        yield Text(words, style="yellow")
 
 
 def print_findings(
@@ -123,23 +133,36 @@ def _standing_lines(standing: Standing) -> Iterator[Text]:
         yield Text(safe(note), style="dim")
 
 
-def _table(findings: Sequence[Finding], standing: Standing, width: int, room: int, out: Path) -> Iterator[Text]:
-    """Yield the table of the findings that a reader acts on, and how many others there are."""
-    if not findings:
-        return
-    others = [finding for finding in findings if finding.story_key not in standing.decisions]
-    folded = [finding for finding in others if finding.responsibility.whose in FOLDED]
-    rows = [FindingRow.of(finding, standing) for finding in others if finding.responsibility.whose not in FOLDED]
-    counts = Counter(finding.responsibility.whose for finding in folded)
-    kinds = [f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose]]
-    unlisted = ", ".join([*kinds, *filter(None, [standing.triaged])])
-    end = textwrap.wrap(f"not listed: {unlisted}", width - 5) if unlisted else []
-    lines, count = table_lines(rows, width, room - len(end))
-    if count < len(rows):
-        lines, count = table_lines(rows, width, room - len(end) - 1)
-        lines.append(Text(f"     and {len(rows) - count} more: foresee review{_in(out)} lists all", style="dim"))
-    yield from lines
-    yield from (Text(f"     {line}", style="dim") for line in end)
+@dataclass(frozen=True)
+class _Table:
+    """The table of the findings that a reader acts on, with the number of the others.
+
+    `unlisted`: how many findings have no row, and why. `all`: the command that lists all findings.
+    """
+
+    findings: Sequence[Finding]
+    rows: Sequence[FindingRow]
+    unlisted: str
+    all: str
+
+    @classmethod
+    def of(cls, findings: Sequence[Finding], standing: Standing, out: Path) -> _Table:
+        others = [finding for finding in findings if finding.story_key not in standing.decisions]
+        rows = [FindingRow.of(finding, standing) for finding in others if finding.responsibility.whose not in FOLDED]
+        counts = Counter(finding.responsibility.whose for finding in others)
+        kinds = [f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose]]
+        unlisted = ", ".join([*kinds, *filter(None, [standing.triaged])])
+        return cls(findings, rows, unlisted, f"foresee review{_in(out)}")
+
+    def lines(self, width: int, room: int) -> tuple[list[Text], bool]:
+        """Return at most `room` lines, and whether all rows are in them."""
+        end = textwrap.wrap(f"not listed: {self.unlisted}", width - 5) if self.unlisted else []
+        lines, count = table_lines(self.rows, width, room - len(end))
+        whole = count == len(self.rows)
+        if not whole:
+            lines, count = table_lines(self.rows, width, room - len(end) - 1)
+            lines.append(Text(f"     and {len(self.rows) - count} more: {self.all} lists all", style="dim"))
+        return [*lines, *(Text(f"     {line}", style="dim") for line in end)], whole
 
 
 def _width(console: Console) -> int:
@@ -162,7 +185,7 @@ def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
     first, where = findings[0].number, _in(out)
     commands = (
         (f"foresee show {first}{where}", "what happens, in pictures"),
-        (f"foresee review {first}{where}", "why, and how near it is to passing"),
+        (f"foresee review {first}{where}", "why, and how near to passing"),
         (f"foresee keep {first}{where}", "make it a regression test"),
         (f"foresee review{where}", "list all findings"),
     )
@@ -241,15 +264,15 @@ def _others_lines(result: CampaignResult, findings: Sequence[Finding], out: Path
         yield _path("    ", path)
 
 
-def _broken_lines(result: CampaignResult) -> Iterator[Text]:
+def _broken_lines(result: CampaignResult, named: int) -> Iterator[Text]:
     """Yield runs that neither passed nor failed because of their driving: crashes, hangs, late and invalid runs."""
     driver = shlex.quote(result.settings.driver)
     cases = [seed for seed in result.seeds if not _passed(seed) and not seed.verdict.is_failure]
     if cases:
         yield Text("\nTest cases that broke or did not arrive (nothing was derived from them):", style="bold")
     reasons = list(dict.fromkeys((seed.verdict, seed.reason) for seed in cases))
-    most = NAMED if len(reasons) == 1 else 1
-    for verdict, reason in reasons[:NAMED]:
+    most = named if len(reasons) == 1 else 1
+    for verdict, reason in reasons[:named]:
         names = [seed.id for seed in cases if (seed.verdict, seed.reason) == (verdict, reason)]
         yield Text(f"  {verdict.value}: {safe(without_verdict(verdict, reason), WHOLE)}")
         for name in names[:most]:
@@ -258,20 +281,20 @@ def _broken_lines(result: CampaignResult) -> Iterator[Text]:
             yield Text(f"    ... and {len(names) - most} more")
         if verdict is Verdict.CRASH:
             yield _path("    more: ", f"foresee run {shlex.quote(names[0])} --driver {driver}")
-    if len(reasons) > NAMED:
-        yield Text(f"  ... and {len(reasons) - NAMED} other reasons: campaign.json has all")
+    if len(reasons) > named:
+        yield Text(f"  ... and {len(reasons) - named} other reasons: campaign.json has all")
     broke = [child for clip in result.clips for child in clip.children if _broke(child)]
     if broke:
         yield Text(f"\nChildren that broke the driver ({len(broke)}):", style="bold")
-    for reason in list(dict.fromkeys(child.reason for child in broke))[:NAMED]:
+    for reason in list(dict.fromkeys(child.reason for child in broke))[:named]:
         names = [child.name for child in broke if child.reason == reason]
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         yield Text(f"  {safe(reason, WHOLE)}: {names[0]}{more}")
-    for what in result.broken[:NAMED]:
+    for what in result.broken[:named]:
         yield Text(f"   could not be run: {safe(what, WHOLE)}", style="red")
 
 
-def _breaking_lines(result: CampaignResult) -> Iterator[Text]:
+def _breaking_lines(result: CampaignResult, named: int) -> Iterator[Text]:
     """Yield the broken expectations of runs with the verdict `pass`, and the runs that break each of them."""
     names: dict[str, list[str]] = {}
     for run in result.breaking:
@@ -280,13 +303,13 @@ def _breaking_lines(result: CampaignResult) -> Iterator[Text]:
     if names:
         runs = counted(len(result.breaking), "run")
         yield Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold")
-    for sentence, of in list(names.items())[:NAMED]:
+    for sentence, of in list(names.items())[:named]:
         yield Text(f"  {safe(sentence, WHOLE)}")
         yield _path("    ", of[0])
         if len(of) > 1:
             yield Text(f"    ... and {len(of) - 1} more")
-    if len(names) > NAMED:
-        yield Text(f"  ... and {len(names) - NAMED} more: campaign.json has all")
+    if len(names) > named:
+        yield Text(f"  ... and {len(names) - named} more: campaign.json has all")
 
 
 def _changed_lines(result: CampaignResult) -> Iterator[Text]:
