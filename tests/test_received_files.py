@@ -95,7 +95,7 @@ READ: dict[str, Row] = {
     "models": alone(),
 }
 """Every command that reads files."""
-READ_NOTHING = {"explain", "drivers", "completion", "doctor"}
+READ_NOTHING = {"explain", "conform", "drivers", "completion", "doctor"}
 OVER_A_PIPE = {"lsp"}
 """Tested below: it reads the files that an editor opens."""
 SIMULATED = {"run", "assess", "mutate", "fuzz", "compare"}

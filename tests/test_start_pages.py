@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -74,13 +73,11 @@ def test_the_first_scenario_and_its_mistake(root: Path, project: Path) -> None:
     assert done.stderr.strip() == mistake.strip()
 
 
-def test_the_own_driver(root: Path, project: Path) -> None:
-    example = root / "docs/examples/external_driver.py"
-    shutil.copy(example, project / "my_driver.py")
-    follow(root, "start/own-driver", project)
+def test_the_own_driver(root: Path, tmp_path: Path) -> None:
+    follow(root, "start/own-driver", tmp_path)
     text = (root / "docs/start/own-driver.md").read_text(encoding="utf-8")
     (protocol,) = (content for language, content in BLOCK.findall(text) if language == "python")
-    assert protocol in example.read_text(encoding="utf-8")
+    assert protocol in (tmp_path / "mine/my_driver.py").read_text(encoding="utf-8")
 
 
 def test_python(root: Path, project: Path) -> None:

@@ -26,7 +26,8 @@ def drive(mission, vehicle, seen):
     bend = abs(math.remainder(math.atan2(far[1] - y, far[0] - x) - ego["heading_rad"], math.tau))
     fastest = mission["speed_limit_mps"][here] / (1 + 4 * bend)
     missing = min(fastest, math.sqrt(2 * 2.0 * max(room, 0))) - ego["speed_mps"]  # stops with 2 m/s^2
-    return {"steer": steer_rad / vehicle["steer_max_rad"], "throttle": max(0, missing), "brake": max(0, -missing / 3)}
+    steer = max(-1, min(steer_rad / vehicle["steer_max_rad"], 1))
+    return {"steer": steer, "throttle": max(0, min(missing, 1)), "brake": max(0, min(-missing / 3, 1))}
 
 
 for message in map(json.loads, sys.stdin):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -14,10 +13,11 @@ import numpy as np
 from foresee_dsl.campaign.driving import driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.timed_driver import TimedDriver
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, Trajectory, VehicleLimits
+from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
@@ -234,10 +234,10 @@ def run_one(
     address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES, rules: RulesMode = RULES_MODE
 ) -> DriverRun:
     """Run one case with one driver."""
-    case, drivers = load_test_case(address), list[_Timed]()
+    case, drivers = load_test_case(address), list[TimedDriver]()
 
     def make() -> Driver:
-        drivers.append(_Timed(new_driver(driver, deadlines)))
+        drivers.append(TimedDriver(new_driver(driver, deadlines)))
         return drivers[-1]
 
     result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines, rules=rules)
@@ -252,7 +252,7 @@ def run_one(
         duration_s=result.duration_s,
         way_m=float(np.nansum(result.trace.states[:, 0, SPEED])) * STEP_S,
         hard_brakings=hard_brakings(result.trace),
-        step_ms=timed.spent_s / max(timed.steps, 1) * 1000,
+        step_ms=sum(timed.step_s) / max(len(timed.step_s), 1) * 1000,
         digest=result.trace.digest,
         notes=result.notes,
         broken_expectations=result.broken_expectations,
@@ -289,33 +289,3 @@ def _row(driver: str, family: str, runs: Sequence[DriverRun]) -> DriverRow:
         hard_brakings=sum(run.hard_brakings for run in runs),
         step_ms=sum(run.step_ms * run.duration_s for run in runs) / sum(steps) if sum(steps) else 0.0,
     )
-
-
-class _Timed:
-    """Wraps a driver and measures the wall time of its decisions."""
-
-    def __init__(self, driver: Driver) -> None:
-        self._driver = driver
-        self.name, self.version = driver.name, driver.version
-        self.steps, self.spent_s = 0, 0.0
-
-    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        self._driver.reset(mission, vehicle, seed)
-        self.name, self.version = self._driver.name, self._driver.version
-
-    def step(self, observation: Observation) -> Control | Trajectory:
-        _ = (
-            observation.actors,
-            observation.signals,
-            observation.ego,
-        )  # sensors are evaluated when the driver reads them, which must not count as the driver's time
-        started = time.perf_counter()
-        try:
-            return self._driver.step(observation)
-        finally:
-            self.spent_s += time.perf_counter() - started
-            self.steps += 1
-
-    def close(self) -> None:
-        if isinstance(self._driver, Closing):
-            self._driver.close()

@@ -43,6 +43,7 @@ COMMANDS = (
     ("Run and derive", "mutate", "runs.mutate"),
     ("Run and derive", "repin", "writing.compare.repin"),
     ("Run and derive", "minimise", "minimise.minimise"),
+    ("Campaign", "conform", "conform.conform"),
     ("Campaign", "assess", "campaigns.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),

@@ -15,6 +15,7 @@ from typing import Any, Literal, NotRequired
 from pydantic import TypeAdapter
 
 from foresee_dsl.campaign.assessment import Assessment
+from foresee_dsl.campaign.conformance.records import Conformance
 from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.findings.sureness import Sureness
@@ -77,6 +78,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "check": {"ok": bool, "files": int, "test_cases": int, "diagnostics": list[Diagnostic]},
     "clip": {"clip": str, "fidelity_m": float, "fidelity_ego_m": float, **shape(RiskyPoint).__annotations__},
     "compare": Comparison,
+    "conform": Conformance,
     "compile": {"test_case": str, "key": str, "files": list[str]},
     "diagnose": {"diagnoses": list[DiagnosedFailure]},
     "diff": Differences,

@@ -1,0 +1,1 @@
+"""The conformance suite: checks from outside whether a driver keeps the rules of the driver protocol."""
