@@ -66,7 +66,7 @@ clean:  ## remove what was made (the environment too)
 
 # A half-made environment is made anew: the stamp is only written when everything is in.
 $(VENV)/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml)
-	@echo "setting up $(VENV) (once; a minute or two)"
+	@echo "setting up $(VENV) (once; two or three minutes)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "foresee-dsl needs Python 3.11 or newer; set PYTHON=")'
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && \
@@ -74,14 +74,18 @@ $(VENV)/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml)
 	else \
 	  $(PYTHON) -m venv $(VENV) && \
 	  install="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
-	fi && { $$install -e . $(PLUGINS:%=-e plugins/%) 2>/dev/null || { $$install -e . && \
+	fi && echo "  installing foresee-dsl, SUMO and $(words $(PLUGINS)) plug-ins (most of the time)" && \
+	{ $$install -e . $(PLUGINS:%=-e plugins/%) 2>/dev/null || { \
+	  echo "  not all of them can be installed here; one by one:" && $$install -e . && \
 	  for plugin in $(PLUGINS); do \
-	    $$install -e plugins/$$plugin || echo "the plug-in $$plugin cannot be installed here; all else works"; \
+	    echo "  $$plugin" && $$install -e plugins/$$plugin || echo "the plug-in $$plugin cannot be installed here; all else works"; \
 	  done; }; }
 	@$(BIN)/python -c 'import frenetix' 2>/dev/null || echo "the driver frenetix is left out: its package has wheels for Python up to 3.12 on x86_64 Linux and macOS only; all else works"
+	@echo "  installed; the first run compiles the inner loops, which takes a minute"
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed
+	@echo "  installing what tests need (about a minute)"
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv pip install --quiet --python $(BIN)/python -e '.[dev,study]'; \
 	else \

@@ -115,7 +115,7 @@ def not_installed(extra: str) -> str:
     """Return the message that a plug-in of `BESIDE` is not installed. It names the command that installs it, or the
     reason why it cannot be installed here (frenetix has wheels only for Python up to 3.12 on x86_64 Linux and
     macOS)."""
-    installs = f"not installed: pip install 'foresee-dsl[{extra}]'"
+    installs = f"not installed: pip install ./plugins/foresee-{extra} in a checkout of foresee-dsl"
     if extra != "frenetix" or _has_frenetix_wheel(sys.version_info[:2], platform.machine(), sys.platform):
         return installs
     here = f"Python {sys.version_info[0]}.{sys.version_info[1]} on {platform.machine()} {platform.system()}"

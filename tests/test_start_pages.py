@@ -90,3 +90,6 @@ def test_python(root: Path, project: Path) -> None:
     assert lines[0].startswith("scenarios/main_street.foresee::car_just_after pass arrived")
     assert "pass arrived at 17.70 s 17.7" in lines
     assert sum(line.startswith("steps_out_p1_m") for line in lines) == 4
+    assert "3 test cases, 3 clips, 2 findings" in lines
+    assert any(line.startswith("1 the driver's fault 'passenger' (pedestrian) steps onto the road") for line in lines)
+    assert "<script" in (project / "finding.html").read_text(encoding="utf-8")

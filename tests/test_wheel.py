@@ -136,7 +136,7 @@ def test_another_environment_runs_a_scenario_from_an_empty_folder(root: Path, wh
     assert rows["pdm"]["version"]
     for driver, extra in (("fusion", "learned"), ("fusion_safe", "learned"), ("frenetix", "frenetix")):
         assert not rows[driver]["version"]
-        assert f"pip install 'foresee-dsl[{extra}]'" in rows[driver]["about"]
+        assert f"pip install ./plugins/foresee-{extra} in a checkout of foresee-dsl" in rows[driver]["about"]
     refused = subprocess.run(
         [home / "bin" / "foresee", "run", f"{bundled}::r01", "--driver", "fusion"],
         cwd=empty, capture_output=True, text=True, check=False,
@@ -144,15 +144,15 @@ def test_another_environment_runs_a_scenario_from_an_empty_folder(root: Path, wh
     assert (refused.returncode, refused.stdout) == (1, "")
     assert refused.stderr == (
         "error: the driver 'fusion' comes with the plug-in foresee-learned, which is not installed: "
-        "pip install 'foresee-dsl[learned]'\n"
+        "pip install ./plugins/foresee-learned in a checkout of foresee-dsl\n"
     )
     command = [home / "bin" / "foresee", "doctor"]
     doctor = subprocess.run(command, cwd=empty, capture_output=True, text=True, check=False)
-    assert "foresee-learned is not installed: pip install 'foresee-dsl[learned]'" in " ".join(doctor.stdout.split())
+    assert "foresee-learned is not installed: pip install ./plugins/foresee-learned" in " ".join(doctor.stdout.split())
     (empty / "looks.py").write_text(LOOKS)
     looks = [python, "looks.py", f"{bundled}::r01"]
     looked = subprocess.run(looks, cwd=empty, capture_output=True, text=True, check=True)
     assert looked.stdout == (
         "crash the driver broke: the raster view 'birds_eye' comes with the plug-in foresee-learned, which is not "
-        "installed: pip install 'foresee-dsl[learned]'\n"
+        "installed: pip install ./plugins/foresee-learned in a checkout of foresee-dsl\n"
     )

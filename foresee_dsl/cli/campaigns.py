@@ -463,7 +463,7 @@ def assess(
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
     form = "json" if json else format_
     total = len(cases) * len(drivers)
-    with runs_progress(console(error=form not in PEOPLE), total) as done:
+    with runs_progress(console(error=True), total) as done:
         runs = assess_drivers(
             cases, drivers, jobs=jobs, seed=seed, on_run=done, deadlines=Deadlines(step_deadline, deadline),
             rules=rules, fail_fast=fail_fast,

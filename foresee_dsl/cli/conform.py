@@ -34,7 +34,7 @@ def conform(
     from foresee_dsl.report.terminal.conformance import print_conformance, tasks_progress
 
     allow(driver)  # the argument is a driver, never a file: naming a program here is consent, as with `--driver`
-    with tasks_progress(common.console(error=json)) as done:
+    with tasks_progress(common.console(error=True)) as done:
         conformance = examine(driver, seed=seed, jobs=jobs, deadlines=Deadlines(step_deadline), on_task=done)
     if json:
         common.print_json(conformance)

@@ -96,21 +96,21 @@ def test_where_nothing_installs_frenetix_that_is_said(
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr("platform.machine", lambda: machine)
     said = not_installed("frenetix")
-    assert ("pip install 'foresee-dsl[frenetix]'" in said) is there
+    assert ("pip install ./plugins/foresee-frenetix in a checkout of foresee-dsl" in said) is there
     assert ("wheels for Python up to 3.12 on x86_64 Linux and macOS only" in said) is not there
-    assert not_installed("study") == "not installed: pip install 'foresee-dsl[study]'"
+    assert not_installed("study") == "not installed: pip install ./plugins/foresee-study in a checkout of foresee-dsl"
 
 
 def test_a_plug_in_beside_that_is_missing_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The real ones: `test_wheel.py`, in an environment without them."""
     monkeypatch.setitem(BESIDE, "gliding", {"foresee_dsl.drivers": ("glider", "pdm")})
-    how = r"comes with the plug-in foresee-gliding, which is not installed: pip install 'foresee-dsl\[gliding\]'"
+    how = r"comes with the plug-in foresee-gliding, which is not installed: pip install ./plugins/foresee-gliding in a "
     with pytest.raises(DriverUnavailableError, match=f"the driver 'glider' {how}"):
         load_driver("glider")
     assert isinstance(load_driver("pdm"), PdmDriver), "what is installed is not missing"
     glider = next(d for d in describe_drivers() if d.name == "glider")
     assert (glider.version, glider.unavailable) == ("", True)
-    assert "pip install 'foresee-dsl[gliding]'" in glider.doc
+    assert "pip install ./plugins/foresee-gliding in a checkout of foresee-dsl" in glider.doc
     assert "glider" not in driver_names()
 
 
@@ -123,7 +123,7 @@ def test_a_plug_in_that_needs_another_one_beside_says_which(tmp_path: Path, monk
     (info / "entry_points.txt").write_text("[foresee_dsl.drivers]\ntowed = towed:Towed\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setitem(BESIDE, "gliding", {})
-    needs = r"needs the plug-in foresee-gliding, which is not installed: pip install 'foresee-dsl\[gliding\]'"
+    needs = r"needs the plug-in foresee-gliding, which is not installed: pip install ./plugins/foresee-gliding in a "
     with pytest.raises(DriverError, match=f"driver 'towed' of package towed {needs}"):
         load_driver("towed")
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from foresee_dsl.errors import Diagnostic, Message, MessageText, Span
 from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
+from foresee_dsl.notebooks import Displayed
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Document:
 
 
 @dataclass(frozen=True)
-class TestCase:
+class TestCase(Displayed):
     """A concrete scenario with everything it needs, ready to compile.
 
     Attributes:

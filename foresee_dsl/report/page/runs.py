@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -188,6 +188,10 @@ class Reader:
     def __post_init__(self) -> None:
         self._project = Project(check_pin=False)
         self._trace = lru_cache(_CACHED_PARENTS)(Trace.load)
+
+    def only(self, ids: Iterable[str]) -> Reader:
+        """Return a reader with the playbacks of these runs alone."""
+        return Reader(self.roads, {name: self.playbacks[name] for name in ids if name in self.playbacks})
 
     def read(self, outcome: Outcome) -> Run:
         """Return a run, read from its files; `Run.missing` states the reason for each part that is missing."""

@@ -16,7 +16,7 @@ from foresee_dsl.report.terminal.live import bars
 from foresee_dsl.report.verdicts import WHOLE, without_verdict
 
 WIDTH = 80
-"""Width of the report, in columns. Ours: the width of a terminal that nobody has changed."""
+"""Width of the report, in columns. Ours: the usual width of a terminal."""
 _STYLES = {CheckStatus.PASS: "green", CheckStatus.FAIL: "bold red", CheckStatus.SKIPPED: "yellow"}
 _MARK = 8
 """Width of the column of results."""
@@ -70,9 +70,9 @@ def _ending(case: ConformanceCase) -> str:
 
 
 def _summary(conformance: Conformance) -> Text:
-    made = [check for check in conformance.checks if check.status is not CheckStatus.SKIPPED]
-    passed, arrived = len(made) - len(conformance.failed), sum(case.passed for case in conformance.cases)
+    judged = [check for check in conformance.checks if check.status is not CheckStatus.SKIPPED]
+    passed, arrived = len(judged) - len(conformance.failed), sum(case.passed for case in conformance.cases)
     cases = f", {arrived} of {len(conformance.cases)} cases pass" if conformance.cases else ""
     words = "conforms" if conformance.conforms else "does not conform"
     style = "bold green" if conformance.conforms else "bold red"
-    return Text.assemble((f"{safe(conformance.driver)} {words}", style), f": {passed} of {len(made)} checks{cases}")
+    return Text.assemble((f"{safe(conformance.driver)} {words}", style), f": {passed} of {len(judged)} checks{cases}")

@@ -47,7 +47,7 @@ def print_run_details(console: Console, result: RunResult, *, triggers: bool = T
     traffic rules that the ego broke, and its expectations; with `triggers` also the triggers that never fired."""
     rules = (f"  {line}" for line in rule_lines(result.infractions))
     tracking = () if result.tracking is None else (f"  tracking  {result.tracking.sentence}",)
-    for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses), *tracking, *rules):
+    for detail in (*_impact_lines(result.impact), *near_lines(result.near_misses), *tracking, *rules):
         console.print(Text(safe(detail), style="dim"), soft_wrap=True)
     for expectation in result.expectations:
         console.print(_expectation_line(expectation), soft_wrap=True)
@@ -77,7 +77,8 @@ _NEAR = (
 """The measures of near misses: field, title, and format of the value."""
 
 
-def _near_lines(near: NearMisses) -> list[str]:
+def near_lines(near: NearMisses) -> list[str]:
+    """Return a line for each measure of how near a run came to a failure."""
     lines = []
     for name, title, form in _NEAR:
         near_miss: NearMiss | None = getattr(near, name)

@@ -11,6 +11,7 @@ from typing import Literal, Self
 
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.following import Deviation
+from foresee_dsl.notebooks import Displayed
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
 from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.rules.infraction import Infraction
@@ -195,7 +196,7 @@ NO_NOTES = DriverNotes()
 
 
 @dataclass(frozen=True)
-class RunResult:
+class RunResult(Displayed):
     """The result of a run.
 
     Attributes:

@@ -1,0 +1,1 @@
+"""A policy for Gymnasium: the files of `foresee init --driver gym`."""
