@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, Trajectory, VehicleLimits
 
 
 class TimedDriver:
@@ -27,7 +27,7 @@ class TimedDriver:
         self.reset_s = time.perf_counter() - started
         self.name, self.version = self._driver.name, self._driver.version
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, observation: Observation) -> Control | Trajectory:
         """Return the driver's answer."""
         # Sensors are evaluated when the driver reads them, which must not count as the driver's time.
         _ = (observation.actors, observation.signals, observation.ego)

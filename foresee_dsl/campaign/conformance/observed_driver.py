@@ -9,7 +9,7 @@ import numpy as np
 
 from foresee_dsl.campaign.timed_driver import TimedDriver
 from foresee_dsl.drivers.parts import parts_of
-from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, Trajectory, VehicleLimits
 
 AHEAD_M = 8.0
 """Distance of the point of the route towards which a driver is expected to steer, m. Ours: two car lengths, which a
@@ -73,7 +73,7 @@ class ObservedDriver(TimedDriver):
         super().reset(mission, vehicle, seed)
         self.record.parts = tuple(map(str, parts_of(self._driver)))
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, observation: Observation) -> Control | Trajectory:
         """Return the driver's answer, after recording it."""
         if not self.record.steps:
             self._first = observation.ego
