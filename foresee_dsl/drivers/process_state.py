@@ -83,7 +83,7 @@ class ProcessState:
         changed: list[str] = []
         for module, before in zip(_MODULES, self.names, strict=True):
             now = vars(module)
-            different = [name for name, value in before.items() if now.get(name, _GONE) is not value]
+            different = [name for name, value in before.items() if not _same(now.get(name, _GONE), value)]
             for name in different:
                 setattr(module, name, before[name])
             changed += (f"{module.__name__}.{name}" for name in different)
@@ -116,6 +116,13 @@ class ProcessState:
             return ""
         locale.setlocale(locale.LC_NUMERIC, self.locale)
         return f"changed the locale of numbers to {now}"
+
+
+def _same(now: object, before: object) -> bool:
+    """Return whether a name still has its value; an equal tuple is the same, since `import pandas` has the time zone
+    read again, which gives `time.tzname` a new tuple.
+    """
+    return now is before or (isinstance(before, tuple) and type(now) is type(before) and now == before)
 
 
 _GONE = object()

@@ -1,0 +1,1 @@
+"""CARLA: agents written for CARLA's leaderboard as drivers (`--driver carla:my_agent.py`)."""

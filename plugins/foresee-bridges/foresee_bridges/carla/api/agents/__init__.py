@@ -1,0 +1,1 @@
+"""Stands in for the package `agents` of CARLA, where that is not installed."""

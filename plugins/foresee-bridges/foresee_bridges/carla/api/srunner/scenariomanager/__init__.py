@@ -1,0 +1,1 @@
+"""Time, and what only CARLA has."""

@@ -1,0 +1,1 @@
+"""nuPlan: planners written for nuplan-devkit as drivers (`--driver nuplan:module:Planner`)."""
