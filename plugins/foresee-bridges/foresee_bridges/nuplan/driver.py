@@ -31,9 +31,9 @@ class PlannerDriver:
 
     name, version = "nuplan", "1"
 
-    def __init__(self, argument: str, name: str, version: str) -> None:
+    def __init__(self, argument: str, planner: Any, name: str, version: str) -> None:
         self.name, self.version = name, version
-        self._argument = argument
+        self._argument, self._ready = argument, planner
 
     @classmethod
     def from_argument(cls, argument: str) -> Self:
@@ -43,8 +43,8 @@ class PlannerDriver:
             DriverError: nuplan-devkit is not installed, or there is no such planner.
         """
         check_installed()
-        _, version = new_planner(argument)
-        return cls(argument, f"nuplan:{argument}", version)
+        planner, version = new_planner(argument)
+        return cls(argument, planner, f"nuplan:{argument}", version)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Create the planner, and initialise it with the map, the goal and the roadblocks of the route.
@@ -61,7 +61,7 @@ class PlannerDriver:
 
         if mission.road_map is None:
             raise DriverError("planners of nuPlan need a map, and this mission has none")
-        self._planner, _ = new_planner(self._argument)
+        self._planner, self._ready = self._ready or new_planner(self._argument)[0], None
         if getattr(self._planner, "requires_scenario", False):
             raise DriverError(f"{self.name} needs a recorded scenario of nuPlan, which a run does not have")
         if not issubclass(self._planner.observation_type(), DetectionsTracks):
