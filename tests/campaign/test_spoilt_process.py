@@ -131,3 +131,12 @@ def test_the_state_of_a_process_comes_back(tmp_path: Path, monkeypatch: pytest.M
     assert Path.cwd() == tmp_path and os.environ["FORESEE_TEST"] == "1" and time.monotonic is real
     assert random.getstate() == python and (np.random.get_state()[1] == numpy).all()
     del os.environ["FORESEE_NEW"]
+
+
+def test_reading_the_time_zone_again_changes_nothing() -> None:
+    with put_back(0) as changed:
+        time.tzset()  # as `import pandas` does: `time.tzname` is another tuple with the same names
+    assert changed == []
+    with put_back(0) as changed:
+        time.tzname = ("here", "there")
+    assert changed == ["replaced 1 name (time.tzname)"]
