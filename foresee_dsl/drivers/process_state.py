@@ -26,6 +26,9 @@ _MODULES: tuple[ModuleType, ...] = (builtins, math, os, random, time, np, np.ran
 """Modules whose functions are checked: the simulator, the forecaster and the mutator call them. Ours."""
 _NAMED = 5
 """Maximum number of names that a sentence lists. Ours."""
+_READ_AT_START = "LD_LIBRARY_PATH"
+"""The dynamic linker reads this variable when a process begins, so a change that is undone has had no effect. `import
+cv2` (opencv-python 5.0) changes it."""
 _SEEDS = 2**32
 """Number of possible seeds of numpy's old global generator; larger seeds are refused by numpy."""
 
@@ -77,6 +80,7 @@ class ProcessState:
     def _put_back_environment(self) -> str:
         changed = [name for name, value in self.environment.items() if os.environ.get(name) != value]
         os.environ.update({name: self.environment[name] for name in changed})
+        changed = [name for name in changed if name != _READ_AT_START]
         return f"removed or changed {_named(changed, 'environment variable')}" if changed else ""
 
     def _put_back_names(self) -> str:

@@ -140,3 +140,10 @@ def test_reading_the_time_zone_again_changes_nothing() -> None:
     with put_back(0) as changed:
         time.tzname = ("here", "there")
     assert changed == ["replaced 1 name (time.tzname)"]
+
+
+def test_the_path_of_libraries_is_put_back_without_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/before")
+    with put_back(0) as changed:
+        os.environ["LD_LIBRARY_PATH"] = "/opencv:/before"  # as `import cv2` does
+    assert changed == [] and os.environ["LD_LIBRARY_PATH"] == "/before"
