@@ -31,6 +31,10 @@ Plan = Callable[[Scenario, PlanningProblem, Route], Any]
 HORIZON_STEPS = 30
 """Number of steps that a plan looks ahead. Ours: 3 s, from 50 km/h to a stop with 4.6 m/s^2."""
 
+BEHIND_M, AHEAD_M = 5.0, 80.0
+"""Part of the path that the IDM planner gets, m. Ours: it looks up the lanelet of each point in each plan, so
+a longer path takes more time; 50 km/h are 42 m in 3 s."""
+
 
 class Reactive:
     """The reactive planner (TU Munich): samples in Frenet coordinates, checks for collisions, takes the cheapest."""
@@ -115,7 +119,9 @@ class Idm:
         config.v_desired = max(route.speed_limit_mps, 0.1)
         config.planning_horizon = HORIZON_STEPS
         config.vehicle_length, config.vehicle_width = route.vehicle["length_m"], route.vehicle["width_m"]
-        path = IDMPathFactory.generate_idm_path_from_np_2d_positional_array(_dense(route.path))
+        path = IDMPathFactory.generate_idm_path_from_np_2d_positional_array(
+            _dense(route.path, problem.initial_state.position)
+        )
         planner = IDMPlanner(scenario, problem, config, path, logging_level=logging.ERROR)
         return planner.plan().state_list
 
@@ -127,7 +133,6 @@ class Fiss:
 
     def __init__(self) -> None:
         self._planner: Any = None
-        self._steps = 0
 
     def __call__(self, scenario: Scenario, problem: PlanningProblem, route: Route) -> Any:  # noqa: ANN401
         """Return the trajectory of one planning cycle."""
@@ -144,9 +149,7 @@ class Fiss:
             self._planner.set_stop_line_active(number, active)
         obstacles = adapter.obstacles_at(scenario.obstacles, 0, DT_S, HORIZON_STEPS * DT_S + 2.5)
         ego = adapter.ego_state_from_commonroad(problem.initial_state)
-        plan = self._planner.step(
-            problem.initial_state.time_step * DT_S, ego, obstacles, route.speed_limit_mps
-        ).trajectory
+        plan = self._planner.step(route.time_s, ego, obstacles, route.speed_limit_mps).trajectory
         if len(plan.x) < 2:
             return None
         columns = zip(plan.t, plan.x, plan.y, plan.yaw, plan.v, strict=True)
@@ -168,10 +171,11 @@ def _fiss_vehicle(route: Route) -> Any:  # noqa: ANN401
     return vehicle
 
 
-def _dense(path: FloatArray) -> FloatArray:
-    """Return a path with points 0.1 m apart: the IDM planner moves from point to point."""
+def _dense(path: FloatArray, near: FloatArray) -> FloatArray:
+    """Return the part of a path around a place with points 0.1 m apart: the IDM planner moves from point to point."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    marks = np.arange(0.0, s[-1], 0.1)
+    here = s[np.hypot(*(path - near).T).argmin()]
+    marks = np.arange(max(here - BEHIND_M, 0.0), min(here + AHEAD_M, s[-1]), 0.1)
     return np.column_stack([np.interp(marks, s, path[:, axis]) for axis in (0, 1)])
 
 

@@ -60,6 +60,7 @@ class Route(NamedTuple):
     """What a planner may want to know besides the scenario and the problem.
 
     Attributes:
+        time_s: time of the observation in the run, s; time step 0 of the scenario.
         path: [N, 2] centreline of the mission, m, at most 1 m apart, from behind the start to beyond the goal.
         lanelets: ids of the lanelets along the mission, in driving order.
         speed_limit_mps: speed limit at the ego, m/s.
@@ -67,6 +68,7 @@ class Route(NamedTuple):
         steer_rad: angle of the ego's front wheels, left positive.
     """
 
+    time_s: float
     path: FloatArray
     lanelets: tuple[int, ...]
     speed_limit_mps: float
@@ -122,7 +124,7 @@ class World:
             slip_angle=0.0,
         )
         limit = float(self._mission["speed_limit_mps"][self._nearest(ego["x"], ego["y"])])
-        route = Route(self._path, self._lanelets, limit, self._vehicle, ego["steer_rad"])
+        route = Route(observation["time_s"], self._path, self._lanelets, limit, self._vehicle, ego["steer_rad"])
         return scenario, PlanningProblem(1, start, self._goal), route
 
     def _is_near(self, lane: Mapping[str, Any]) -> bool:
