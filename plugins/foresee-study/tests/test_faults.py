@@ -15,6 +15,7 @@ from foresee_study.faults.approaches import APPROACHES, DEFAULT, Approach
 from foresee_study.faults.benchmark import all_kinds
 from foresee_study.faults.causes import Named, causes_table
 from foresee_study.faults.evidence import ApproachRun, Evidence, Failure
+from foresee_study.faults.judgement import judgement_table, measure_judgement
 from foresee_study.faults.measures import Confusion, confusions, detects, median, scores, weakest
 from foresee_study.faults.sampling import library, name
 from foresee_study.faults.searching import Search, searched
@@ -267,3 +268,14 @@ def test_a_diagnosis_names_the_part_with_the_fault(bundled: list[TestCase]) -> N
     assert result.diagnosis.cause == (KINDS["late_objects"].part,) == (DriverPart.PERCEPTION,)
     table = causes_table([Named("pdm/late_objects", name(case), "perception", "perception", result.diagnosis.text)])
     assert "| perception | 1 |" in table and "Right: 1 of 1" in table
+
+
+def test_the_judgement_is_compared_with_steady_labels(bundled: list[TestCase], tmp_path: Path) -> None:
+    case = next(case for case in bundled if name(case).endswith("at_the_tee.foresee::hatchback_out_of_elm_street"))
+    lines: list[str] = []
+    failures = measure_judgement([case], ["pdm/beside_itself", "pdm/weak_brakes"], (1.0,), out=tmp_path, jobs=1,
+                                 ends_s=math.inf, say=lines.append)  # fmt: skip
+    assert len(lines) == len(failures) and {bool(each.fault) for each in failures} == {True, False}
+    all_of_them, steady = judgement_table(failures).splitlines()[2:]
+    count = sum(bool(each.fault) for each in failures)
+    assert f" of {count} |" in all_of_them and steady.startswith("| with steady labels |")

@@ -39,6 +39,8 @@ def main(words: Sequence[str] | None = None) -> int:
     faults = {"all": kinds, "few": FEW}.get(args.faults) or _named(args.faults.split(","))
     if args.causes:
         return _causes(args, faults, {name: kind.part for name, kind in KINDS.items()})
+    if args.judgement:
+        return _judgement(args, faults)
     plan = Plan(
         faults=faults,
         strengths=tuple(sorted(float(text) for text in args.strengths.split(","))),
@@ -77,6 +79,24 @@ def _causes(args: argparse.Namespace, faults: Sequence[str], parts: Mapping[str,
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "causes.md").write_text(table, encoding="utf-8")
     (args.out / "causes.json").write_text(json.dumps(causes_json(named), indent=1) + "\n", encoding="utf-8")
+    sys.stdout.write(table)
+    return 0
+
+
+def _judgement(args: argparse.Namespace, faults: Sequence[str]) -> int:
+    """Judge failures with and without a fault, print the accuracy, and write `judgement.md` and `judgement.json`."""
+    from foresee_study.faults.judgement import judgement_json, judgement_table, measure_judgement
+    from foresee_study.faults.sampling import library
+    from foresee_study.halves import Half
+
+    failures = measure_judgement(
+        library(Half(args.half)), faults, tuple(float(text) for text in args.strengths.split(",")),
+        out=args.out, jobs=args.jobs, ends_s=time.time() + 60 * args.minutes,
+        say=lambda line: print(line, file=sys.stderr, flush=True),  # noqa: T201
+    )  # fmt: skip
+    table = judgement_table(failures) + "\n"
+    (args.out / "judgement.md").write_text(table, encoding="utf-8")
+    (args.out / "judgement.json").write_text(json.dumps(judgement_json(failures), indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(table)
     return 0
 
@@ -148,6 +168,11 @@ def _parser() -> argparse.ArgumentParser:
         "--causes",
         action="store_true",
         help="instead, diagnose failures of the faults and count how often the right part is named",
+    )
+    add(
+        "--judgement",
+        action="store_true",
+        help="instead, judge failures with and without a fault and count how often the judgement is right",
     )
     add("--strength", type=float, default=1.0, help="with --causes: strength of the faults")
     add("--failures", type=int, default=5, help="with --causes: maximum number of failures of each fault")
