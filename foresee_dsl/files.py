@@ -23,7 +23,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def data_folder(name: str) -> Path:
-    """Return the folder `name` ("grammars", "templates", "scenarios" or "conformance") of this installation.
+    """Return the folder `name` ("grammars", "templates" or "scenarios") of this installation.
 
     A wheel has these folders inside the package (`_data/`); a checkout keeps them at the top level.
     """

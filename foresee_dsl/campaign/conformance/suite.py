@@ -18,11 +18,12 @@ from foresee_dsl.drivers.parts import DriverPart, ideal_parts, with_ideal
 from foresee_dsl.drivers.protocol import OwnDeadline
 from foresee_dsl.drivers.registry import find_driver, load_driver
 from foresee_dsl.errors import DriverError
-from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Doc
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 
+CASES = Path(__file__).parent / "cases"
+"""Folder of the test cases."""
 EMPTY, BENDS, LEADER, WALKER = "straight_road", "two_bends", "leader_stops", "zebra_crossing"
 """Test cases that are used more than once: without others, with bends, with an actor ahead, with a pedestrian."""
 MOST_FILES = 20_000
@@ -35,7 +36,7 @@ _RUNS_IN_ONE_PROCESS, _RUNS_OF_PART = 5, 3
 
 def conformance_cases() -> dict[str, TestCase]:
     """Return the ten test cases by name, the easiest first."""
-    listed = load_test_cases([str(data_folder("conformance"))], allow_outside=True)
+    listed = load_test_cases([str(CASES)], allow_outside=True)
     return {case.scenario.name: case for case in listed}
 
 

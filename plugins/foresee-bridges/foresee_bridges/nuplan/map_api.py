@@ -12,7 +12,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 import shapely
-from foresee_dsl.drivers.road_map import StopLine as RoadStopLine
 from nuplan.common.actor_state.state_representation import Point2D, StateSE2
 from nuplan.common.maps.abstract_map import AbstractMap
 from nuplan.common.maps.abstract_map_objects import (
@@ -29,6 +28,7 @@ from shapely.geometry import LineString, Point, Polygon
 
 from foresee_bridges.nuplan.roads import Roadblock, Roads, lane_area, sampled, stop_line_area
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.drivers.road_map import StopLine as RoadStopLine
 from foresee_dsl.errors import DriverError
 
 _TURNS = {

@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from foresee_dsl.drivers.road_map import MapLane, RoadMap
 from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.drivers.road_map import MapLane, RoadMap
 
 SAMPLE_M = 1.0
 """Largest distance between two points of a baseline path, m. Ours: as in nuPlan's maps, where lanes are straight."""
