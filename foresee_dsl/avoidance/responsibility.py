@@ -17,7 +17,7 @@ from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.drivers.registry import sees_all
 from foresee_dsl.simulate.results.verdict import Verdict
-from foresee_dsl.story.story import ContactClass, Story
+from foresee_dsl.story.story import ContactClass, Story, seen_for
 from foresee_dsl.story.wording import quoted
 
 REACTION_S = EVALUATION_S + DELAY_S
@@ -171,9 +171,9 @@ def _by_rule(story: Story, both: str) -> Iterator[Responsibility]:
     """
     grounds = story.grounds
     if grounds.gives_way and grounds.seen_s >= REACTION_S:
-        yield Responsibility(Whose.DRIVER, f"{grounds.gives_way}, in sight for {grounds.seen_s:.1f} s")
+        yield Responsibility(Whose.DRIVER, f"{grounds.gives_way}, in sight for {seen_for(grounds.seen_s)}")
     if grounds.breaks_rule:
-        broken = f"{quoted(story.opponent)} comes {grounds.breaks_rule}, in sight for {grounds.seen_s:.1f} s"
+        broken = f"{quoted(story.opponent)} comes {grounds.breaks_rule}, in sight for {seen_for(grounds.seen_s)}"
         if both:
             yield Responsibility(Whose.DRIVER, f"{broken}, but {both}")
         yield Responsibility(Whose.ARGUABLE if grounds.seen_s >= LOOKED_S else Whose.UNAVOIDABLE, broken)
@@ -205,4 +205,4 @@ def _unseen(story: Story) -> Iterator[Responsibility]:
         yield Responsibility(
             Whose.UNAVOIDABLE, f"{other} begins only {grounds.acts_s:.1f} s before the contact, sooner than a reaction"
         )
-    yield Responsibility(Whose.ARGUABLE, f"{other} is in sight for {grounds.seen_s:.1f} s, but no driver avoids it")
+    yield Responsibility(Whose.ARGUABLE, f"{other} is in sight for {seen_for(grounds.seen_s)}, but no driver avoids it")

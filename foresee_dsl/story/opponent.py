@@ -311,6 +311,10 @@ class Opponent:
         how = f"the ego at {kmh(speed)}" if speed >= STANDS_MPS else "the standing ego"
         return f"{metres(gap)} {'ahead of' if along > gap / 2 else 'from'} {how}"
 
+    def came_to_a_standing_ego(self, stood_s: float) -> bool:
+        """Return whether its manoeuvre began while the ego, which has stood for `stood_s` at the end, stood already."""
+        return self._onset is not None and (self.facts.last - self._onset) * STEP_S <= stood_s
+
     @cached_property
     def began(self) -> int | None:
         """Return the frame at which the opponent began what led to the end; None if it only continued as before.

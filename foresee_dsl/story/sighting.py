@@ -12,11 +12,9 @@ from foresee_dsl.kernels.boxes import overlaps_of
 from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
 from foresee_dsl.simulate.trace import HEADING, STEP_S, X, Y
 from foresee_dsl.story.facts import Facts
+from foresee_dsl.story.story import LOOKS_BACK_S
 from foresee_dsl.story.wording import full_name
 
-LOOKS_BACK_S = 10.0
-"""The search goes back this far from the end, s. Ours: nearly all relevant times to collision are shorter, and by
-default a clip is 10 s long at most."""
 BLINK_S = 0.25
 """A shorter loss of sight is ignored, s. Ours: a post hides a pedestrian from the ego for two or three frames."""
 _BEAM_M = 0.1

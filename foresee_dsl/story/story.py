@@ -50,13 +50,24 @@ class Moment:
         return {"time_s": rounded(self.time_s, 2), "actor": self.actor, "kind": self.kind, "text": self.text}
 
 
+LOOKS_BACK_S = 10.0
+"""The search for when the ego sees the opponent goes back this far from the end, s. Ours: nearly all relevant times to
+collision are shorter, and by default a clip is 10 s long at most."""
+
+
+def seen_for(time_s: float) -> str:
+    """Return in words for how long an actor was in sight, as far as that was searched."""
+    return f"{time_s:.1f} s" if time_s < LOOKS_BACK_S else f"{LOOKS_BACK_S:.0f} s or longer"
+
+
 @dataclass(frozen=True)
 class Grounds:
     """The facts that a judgement of a failure needs; the times count back from the end of the run.
 
     Attributes:
         stood_s: how long the ego had stood, s. braked_s: how long it had been braking, s; 0 if it did not brake.
-        seen_s: how long its sensors had seen the opponent without a break, s; 0 if they did not see it.
+        seen_s: how long its sensors had seen the opponent without a break, s, at most `LOOKS_BACK_S`; 0 if they did
+            not see it.
         seen_before: they had seen it already before it was hidden for a time.
         acts_s: how long ago the opponent's last manoeuvre began (it moved off, came onto the road, entered the
             junction, was steered), s; None if it only went on as before.

@@ -23,7 +23,7 @@ from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.grounds import grounds_of
 from foresee_dsl.story.opponent import Opponent
 from foresee_dsl.story.place import StoryPlace, kind_of, place_of
-from foresee_dsl.story.story import ContactClass, Moment, Story
+from foresee_dsl.story.story import ContactClass, Moment, Story, seen_for
 from foresee_dsl.story.title import title_of
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of, quoted, short, with_side
 
@@ -121,7 +121,7 @@ def _ego_clause(facts: Facts, ego: EgoMotion, other: Opponent, impact: Impact | 
     going = f", {ego.going}," if ego.going else ""
     if impact is None:
         return f"the ego{going} {_drives(ego)}, and they come as near as {metres(other.ahead_m(facts.last))}"
-    parts = [text for text in (_sees(facts, ego, other), _drives(ego)) if text]
+    parts = [text for text in (_sees(facts, ego, other), _drives(ego, other)) if text]
     return f"the ego{going} {', '.join(parts)} and {_ends(ego, impact)}"
 
 
@@ -156,13 +156,13 @@ def _sees(facts: Facts, ego: EgoMotion, other: Opponent) -> str:
     if not unmoved:
         return ""
     whole_run = other.sighting.from_start and other.sighting.searched_s >= facts.end_s
-    return "has it in sight all the time" if whole_run else f"has had it in sight for {before:.1f} s"
+    return "has it in sight all the time" if whole_run else f"has had it in sight for {seen_for(before)}"
 
 
-def _drives(ego: EgoMotion) -> str:
+def _drives(ego: EgoMotion, other: Opponent | None = None) -> str:
     braking = f"with up to {ego.braking_mps2:.1f} m/s^2"
     match ego.state:
-        case "stands" if ego.stood_s >= STOOD_S:
+        case "stands" if ego.stood_s >= STOOD_S or (other is not None and other.came_to_a_standing_ego(ego.stood_s)):
             return f"has stood for {ego.stood_s:.1f} s"
         case "stands":
             return f"brakes to a stand {braking}" if ego.braking_mps2 else "has just stopped"

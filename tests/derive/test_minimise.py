@@ -230,6 +230,9 @@ def test_a_boundary_says_that_its_region_is_broken() -> None:
     assert edge.sentence == (
         "walker.timing fails at 1.16 (also at 1.07), passes at 1.06; the failing region has gaps: 1.12 passes again"
     )
+    later = (ValueTrial(1.17, "otherwise", ""), ValueTrial(1.18, "passes", ""), ValueTrial(1.19, "passes", ""))
+    assert replace(edge, tried=(*trials, *later)).sentence.endswith("gaps: 1.12, 1.18 and 1.19 pass again")
+    assert replace(edge, tried=(*trials[:2], *later)).sentence.endswith("gaps: values from 1.18 to 1.19 pass again")
     whole = replace(edge, fails=1.07, tried=trials[:2])
     assert not whole.broken and whole.sentence == "walker.timing fails at 1.07, passes at 1.06"
 

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Moment, Story, tell
 from tests.support.goldens import recorded_run
@@ -33,11 +35,12 @@ from tests.support.small_street import STREET
 X, Y, HEADING, SPEED, ACCELERATION = range(5)
 STEP_S = 0.05
 CASES = Path(__file__).parents[1] / "cases"
-LIBRARY = (
-    "scenario4/walker_on_the_crossing.foresee::elderly_from_the_left",
-    "scenario4/roundabout_exit.foresee::to_the_north",
-)
-"""Bundled test cases with a crossing and a roundabout, whatever their verdict."""
+LIBRARY = {
+    "scenario4/walker_on_the_crossing.foresee::elderly_from_the_left": "idm",
+    "scenario4/roundabout_exit.foresee::to_the_north": "idm",
+    "scenario8/hidden_behind_the_turner.foresee::scooter_behind_the_van": "pdm",
+}
+"""Bundled test cases with a crossing, a roundabout and a signal at which the ego gets stuck, and who drives them."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,10 @@ class Run:
         if self.trace.meta["verdict"] == "rule":
             times = [broken["time_s"] for broken in self.trace.meta["infractions"]][:1]
         return round(times[0] / STEP_S) if times else self.trace.frames - 1
+
+    def ego_at(self, frame: int) -> tuple[float, float]:
+        x, y = self.trace.states[frame, 0, [X, Y]].tolist()
+        return x, y
 
     def column(self, name: str) -> int:
         return 0 if name == "the ego" else self.trace.index(name.strip("'"))
@@ -288,6 +295,35 @@ def _of_rule(run: Run, _: int, m: re.Match[str]) -> bool:
     return any(near(m[1], value) if m[1] else kmh(m[2], value) for value in values)
 
 
+@claim(r"METRES before the [a-z -]+ ('[^']+')")
+def _before_the_junction(run: Run, frame: int, m: re.Match[str]) -> bool:
+    """From the ego's front to the end of the nearest lane that leads into the junction."""
+    network, ego = compile_test_case(run.case).network, run.trace.states[frame, 0]
+    front = ego[[X, Y]] + run.trace.actors[0].length_m / 2 * np.array((math.cos(ego[HEADING]), math.sin(ego[HEADING])))
+    ends = [network.lanes[x.from_lane].shape[-1] for x in network.movements if x.junction == m[2].strip("'")]
+    return near(m[1], min(math.hypot(*(front - end[:2])) for end in ends), 0.2)
+
+
+@claim(r"whose signal is (red|amber|green) for the last NUMBER s")
+def _colour_shown(run: Run, frame: int, m: re.Match[str]) -> bool:
+    """A signal of a lane beside the ego has had the colour for so long, and another one before."""
+    bundle, (x0, y0) = compile_test_case(run.case), run.ego_at(frame)
+    name = re.search(r"before the [a-z -]+'([^']+)'", run.story.sentence)
+    assert name is not None
+    signal, column = bundle.signals[name[1]], run.trace.signals.index(name[1])
+
+    def colour(link: int, at: int) -> str:
+        stage = run.trace.signal_stages[column][run.trace.stages[at, column]]
+        return colour_shown(signal.phases[signal.phase_at(stage, float(run.trace.elapsed[at, column]))[0]].state, link)
+
+    theirs = [x for x in bundle.network.movements if x.tls == signal.tls]
+    ends = {x.from_lane: bundle.network.lanes[x.from_lane].shape[-1] for x in theirs}
+    links = [x.link for x in theirs if math.hypot(ends[x.from_lane][0] - x0, ends[x.from_lane][1] - y0) < 10]
+    shown = [[colour(link, at) for at in range(frame + 1)] for link in links]
+    lasts = [len(list(takewhile(lambda now: now == m[1], reversed(colours)))) - 1 for colours in shown]
+    return any(near(m[2], last * STEP_S, 0.001) for last in lasts)
+
+
 @claim(r"no (?:junction|actor) (?:is )?within NUMBER m")
 def _nothing_within(run: Run, frame: int, m: re.Match[str]) -> bool:
     return m[1] == "30"
@@ -363,9 +399,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> tuple[Run
     for folder in sorted((CASES / "story").iterdir()) + sorted((CASES / "forecast").iterdir()):
         if (folder / "trace.npz").is_file():
             traces[folder.name] = recorded_run(folder, rewrite=False)
-    for address in LIBRARY:
+    for address, driver in LIBRARY.items():
         case = load_test_case(str(scenarios / address))
-        traces[address] = case, run_test_case(case, "idm", 0).trace
+        traces[address] = case, run_test_case(case, driver, 0).trace
     return tuple(Run(name, case, trace, tell(trace, case)) for name, (case, trace) in traces.items())
 
 
@@ -417,6 +453,7 @@ def test_the_sentence_does_not_deny_its_moments(runs: tuple[Run, ...]) -> None:
             ego = run.story.sentence.rpartition("; the ego")[2]
             moments = [m for m in run.story.moments if m.actor == "ego" and m.kind in kinds]
             assert word not in f" {ego} " or moments, run.story.sentence
+        assert "the standing ego" not in run.story.sentence or " brakes to a stand " not in run.story.sentence
 
 
 def test_an_opponent_that_is_only_followed_is_not_passed(runs: tuple[Run, ...]) -> None:

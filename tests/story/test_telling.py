@@ -19,6 +19,7 @@ from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Event
 from foresee_dsl.story import ContactClass, Story, tell
+from foresee_dsl.story.story import seen_for
 
 STEERED = """foresee 1
 
@@ -130,3 +131,7 @@ def test_an_absurdly_long_name_is_cut(tmp_path: Path) -> None:
     assert story.opponent == name
     assert name[:30] in story.sentence and len(story.sentence) < 500
     assert all(len(moment.text) < 300 for moment in story.moments)
+
+
+def test_a_sight_is_not_longer_than_was_searched() -> None:
+    assert [seen_for(time_s) for time_s in (0.85, 9.95, 10.0)] == ["0.8 s", "9.9 s", "10 s or longer"]

@@ -106,8 +106,12 @@ class Boundary:
     def _pass_again(self) -> str:
         """Return, in words, which larger changes pass again."""
         gaps = self._gaps
-        first, last = self.text(gaps[0]), self.text(gaps[-1])
-        return f"{first} passes again" if len(gaps) == 1 else f"values from {first} to {last} pass again"
+        if len(gaps) == 1:
+            return f"{self.text(gaps[0])} passes again"
+        low, high = sorted((gaps[0], gaps[-1]))
+        if all(run.ended == "passes" for run in self.tried if low <= run.value <= high):
+            return f"values from {self.text(gaps[0])} to {self.text(gaps[-1])} pass again"
+        return f"{', '.join(map(self.text, gaps[:-1]))} and {self.text(gaps[-1])} pass again"
 
     def text(self, value: float) -> str:
         """Return a value as files write it, with its unit."""

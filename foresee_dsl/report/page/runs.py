@@ -36,6 +36,7 @@ from foresee_dsl.simulate.results.outcome import contact_of, touched_at
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment, Story, tell
+from foresee_dsl.story.story import seen_for
 from foresee_dsl.story.wording import quoted
 
 _CACHED_PARENTS = 4
@@ -322,7 +323,7 @@ def _grounds(story: Story) -> Iterator[str]:
         junction, _, colour = grounds.signal.rpartition(" ")
         yield f"the ego entered {quoted(junction)} on {colour}"
     if grounds.seen_s:
-        yield f"the ego's sensors see {other} for the last {grounds.seen_s:.1f} s"
+        yield f"the ego's sensors see {other} for the last {seen_for(grounds.seen_s)}"
     else:
         yield f"the ego's sensors do not see {other} at the end"
     if grounds.hidden_by:
