@@ -15,7 +15,7 @@ from typing import Any
 from foresee_dsl.errors import ForeseeError
 
 BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "bridges": {"foresee_dsl.drivers": ("fmi", "gym")},
+    "bridges": {"foresee_dsl.drivers": ("fmi", "gym"), "foresee_dsl.exporters": ("osi",)},
     "exchange": {
         "foresee_dsl.exporters": ("carla-route", "openscenario"),
         "foresee_dsl.importers": ("carla", "opendrive", "openscenario", "osm", "sumo"),

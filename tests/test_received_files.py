@@ -91,6 +91,7 @@ READ: dict[str, Row] = {
     "import osm": into("--out"),
     "import sumo": into("--out"),
     "export carla-route": into("--out"),
+    "export osi": into("--out"),
     "export openscenario": into("--out"),
     "models": alone(),
 }
