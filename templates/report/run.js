@@ -7,7 +7,22 @@ const sums = (list, count) => {
   const values = new Float64Array(count);
   let value = 0;
   for (let k = 0; k < count; k += 1) {
-    value += k < list.length ? list[k] : 0; // a single value means that it is constant
+    value += k < list.length ? list[k] : 0;
+    values[k] = value;
+  }
+  return values;
+};
+
+// Values of a way: the first one, its first difference, and then by how much the difference changes.
+const track = (list, count) => {
+  const values = new Float64Array(count);
+  let value = list[0];
+  let change = 0;
+  for (let k = 0; k < count; k += 1) {
+    if (k > 0) {
+      change += k < list.length ? list[k] : 0;
+      value += change;
+    }
     values[k] = value;
   }
   return values;
@@ -27,7 +42,7 @@ const pointsOf = (list) => {
 };
 
 const wayOf = (stretches) => stretches.map(([first, count, x, y, heading, speed]) => (
-  { first, count, x: sums(x, count), y: sums(y, count), heading: sums(heading, count), speed: sums(speed, count) }));
+  { first, count, x: track(x, count), y: track(y, count), heading: track(heading, count), speed: track(speed, count) }));
 
 class Run {
   constructor(raw) {

@@ -23,7 +23,7 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
-from foresee_dsl.report.page.playback import shown_frames
+from foresee_dsl.report.page.playback import ego_way, shown_frames
 from foresee_dsl.report.page.recorded import Anticipation, Preventability, campaign_folders
 from foresee_dsl.report.page.running import EVERY_S, RunningPage
 from foresee_dsl.report.page.runs import Outcome, Reader, Run
@@ -32,7 +32,7 @@ from foresee_dsl.report.page.tables import Table
 from foresee_dsl.report.show.sources import Wish, find
 from foresee_dsl.report.show.steps import recorded_steps
 from foresee_dsl.simulate.results.criticality import Measure, criticality
-from foresee_dsl.simulate.trace import Trace, X, Y
+from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story import Moment
 from tests.support import command
 from tests.support.browser import browser, needs_chromium
@@ -144,6 +144,20 @@ def test_slider_moves_the_vehicles_and_at_the_contact_the_boxes_overlap(opened: 
     assert box_overlap(np.array(grown), np.array(other))
     opened.seek(max(run["contact"][0] - 1.0, 0.0))
     assert not box_overlap(np.array(opened.box("ego")), np.array(opened.box(run["opponent"])))
+
+
+def test_a_way_has_every_place_to_the_centimetre() -> None:
+    trace = Trace.load(Path(__file__).parents[1] / "cases" / "story" / "out_from_behind" / "trace.npz")
+    frames = shown_frames(trace.frames)
+    for first, count, x, y, heading, speed in ego_way(trace, trace.frames):
+        there = trace.states[frames[first : first + count], 0]
+        columns = ((x, X, 100), (y, Y, 100), (heading, HEADING, 1000), (speed, SPEED, 100))
+        for (start, *changes), column, per_unit in columns:
+            differences = np.cumsum([*changes, *[0] * (count - 1 - len(changes))])
+            values = start + np.concatenate(([0], np.cumsum(differences)))
+            apart = values / per_unit - there[:, column]
+            turns = 2 * math.pi * np.round(apart / (2 * math.pi)) if column == HEADING else 0.0
+            assert np.abs(apart - turns).max() <= 0.5001 / per_unit
 
 
 @needs_chromium

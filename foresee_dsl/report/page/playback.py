@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -156,7 +157,8 @@ def near_the_ego(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
 def _way(states: FloatArray) -> list[list[Any]]:
     """Return the stretches of time in which an actor is present: [first frame, number of frames, x, y, heading, speed].
 
-    Each of the last four is a list of differences, or a single value if it is constant.
+    Each of the last four is a list: the first value, the first difference, and then by how much the difference changes,
+    without the zeros at its end; a constant value is a list of one.
     """
     there = ~np.isnan(states[:, X])
     edges = [*toggles(there), len(there)]
@@ -165,7 +167,7 @@ def _way(states: FloatArray) -> list[list[Any]]:
         part = states[first:beyond]
         heading = np.unwrap(part[:, HEADING])
         columns = ((part[:, X], CM), (part[:, Y], CM), (heading, MRAD), (part[:, SPEED], CM))
-        stretches.append([first, beyond - first, *(_short(deltas(values, unit)) for values, unit in columns)])
+        stretches.append([first, beyond - first, *(_changes_of(deltas(values, unit)) for values, unit in columns)])
     return stretches
 
 
@@ -181,8 +183,16 @@ def ego_way(trace: Trace, frames: int) -> list[list[Any]]:
     return _way(states)
 
 
-def _short(values: list[int]) -> list[int]:
-    return values if any(values[1:]) else values[:1]
+def _changes_of(differences: list[int]) -> list[int]:
+    """Return a first value and its differences with each difference relative to the one before, without zeros at the
+    end.
+
+    An actor's speed is nearly constant, so these numbers are short: the page is a tenth smaller.
+    """
+    changes = [*differences[:2], *(now - before for before, now in pairwise(differences[1:]))]
+    while len(changes) > 1 and not changes[-1]:
+        changes.pop()
+    return changes
 
 
 def deltas(values: NDArray[np.float64], per_unit: float) -> list[int]:
