@@ -14,7 +14,7 @@ from foresee_dsl.cli import app
 from foresee_dsl.exchange.driver_kinds import DriverKindError, driver_kinds
 from tests.support.first_project import foresee
 
-BUNDLED = ("external-cpp", "external-python", "external-rust", "python")
+BUNDLED = ("external-cpp", "external-python", "external-rust", "python", "trajectory")
 
 
 def run(folder: Path, *command: str) -> str:

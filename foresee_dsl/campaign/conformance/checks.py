@@ -85,7 +85,8 @@ def check_steering(run: ObservedRun) -> Check:
     """Check that the driver steers to the side where the route goes on."""
     record = run.record
     if not record.turning or not record.lowest:
-        return skipped("steering", "the ego never came to a bend while its driver steered")
+        why = "the ego never came to a bend" if record.lowest else "the driver answers with trajectories"
+        return skipped("steering", why)
     detail = f"to the side of the route in {record.right_side} of {record.turning} steps in bends"
     if record.right_side * 2 >= record.turning:
         return _passed("steering", detail)

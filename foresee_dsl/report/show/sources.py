@@ -104,6 +104,10 @@ def of_address(address: str, wish: Wish) -> ShownRun:
             trace = _same(file, case, driver, seed)
             if trace is not None:
                 return ShownRun(address, case, trace, driver, seed, Path(_relative(file.as_posix())))
+    if ":" in driver and not wish.driver:
+        raise DriverError(
+            f"{case.id} was recorded with a program as its driver: {driver}. `--driver` with this address starts it"
+        )
     return ShownRun(address, case, run_test_case(case, driver, seed).trace, driver, seed)
 
 
@@ -192,10 +196,6 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
 
 def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
     recorded, seed = recorded_run(case.mutant.origin if case.mutant is not None else None)
-    if ":" in recorded and not wish.driver:
-        raise DriverError(
-            f"{case.id} was recorded with a program as its driver: {recorded}. `--driver` with this address starts it"
-        )
     return wish.driver or recorded, seed if wish.seed is None else wish.seed
 
 
