@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import data_folder, templates
+from foresee_dsl.files import data_folder, read_outside_text, templates
 from foresee_dsl.plugins import PluginGroup, package_of
 
 
@@ -68,7 +68,7 @@ class DriverKind:
         return {
             name: environment.get_template(file.relative_to(self.folder).as_posix()).render(values)
             if file.suffix == _TEMPLATE
-            else file.read_text(encoding="utf-8")
+            else read_outside_text(file)
             for name, file in self.sources().items()
         }
 
@@ -94,7 +94,7 @@ def driver_kinds() -> dict[str, DriverKind]:
 def _kind(name: str, folder: Path) -> DriverKind:
     file = folder / _DESCRIPTION
     try:
-        description = tomllib.loads(file.read_text(encoding="utf-8"))
+        description = tomllib.loads(read_outside_text(file))
         lists = {key: tuple(description.get(key, ())) for key in ("build", "needs", "ignore")}
         return DriverKind(
             name, folder, description["about"], description["driver"], install=description.get("install", ""), **lists
