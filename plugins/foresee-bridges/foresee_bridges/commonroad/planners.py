@@ -31,6 +31,9 @@ Plan = Callable[[Scenario, PlanningProblem, Route], Any]
 HORIZON_STEPS = 30
 """Number of steps that a plan looks ahead. Ours: 3 s, from 50 km/h to a stop with 4.6 m/s^2."""
 
+SAMPLING_LEVELS = 3
+"""Number of densities with which the reactive planner samples until it finds a plan. Ours: with its default, 4, a step
+without a feasible sample takes up to 20 s on a busy machine."""
 BEHIND_M, AHEAD_M = 5.0, 80.0
 """Part of the path that the IDM planner gets, m. Ours: it looks up the lanelet of each point in each plan, so
 a longer path takes more time; 50 km/h are 42 m in 3 s."""
@@ -86,6 +89,7 @@ class Reactive:
         config.vehicle.__post_init__()
         config.planning.dt, config.planning.time_steps_computation = DT_S, HORIZON_STEPS
         config.planning.__post_init__()
+        config.sampling.num_sampling_levels = SAMPLING_LEVELS
         config.debug.multiproc, config.debug.logging_level = False, "ERROR"
         config.update(scenario, problem)
         self._planner = ReactivePlanner(config)
@@ -110,7 +114,11 @@ class Idm:
     walls = True
 
     def __call__(self, scenario: Scenario, problem: PlanningProblem, route: Route) -> Any:  # noqa: ANN401
-        """Return the trajectory of one planning cycle."""
+        """Return the trajectory of one planning cycle, without its first state.
+
+        That state is the ego's, and the next one is on the path beside it: the trajectory would begin with a step
+        sideways.
+        """
         from commonroad_idm_planner.configuration.planner_config import IDMConfigFactory
         from commonroad_idm_planner.idm_path import IDMPathFactory
         from commonroad_idm_planner.idm_planner import IDMPlanner
@@ -123,7 +131,7 @@ class Idm:
             _dense(route.path, problem.initial_state.position)
         )
         planner = IDMPlanner(scenario, problem, config, path, logging_level=logging.ERROR)
-        return planner.plan().state_list
+        return planner.plan().state_list[1:]
 
 
 class Fiss:
