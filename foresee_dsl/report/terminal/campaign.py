@@ -75,9 +75,9 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
     # A long table leaves room for only one example of what else went wrong.
     for named in (NAMED, 1):
         end = list(_end(result, table, standing, out, named))
-        used = sum(_height(line, width) for line in end)
-        lines, whole = table.lines(width, max(SCREEN_LINES - RESERVED_LINES - used, LEAST_LINES))
-        if whole:
+        room = SCREEN_LINES - RESERVED_LINES - sum(_height(line, width) for line in end)
+        lines, whole = table.lines(width, max(room, LEAST_LINES))
+        if whole and len(lines) <= room:
             break
     console.print()
     for line in (*lines, *end):
