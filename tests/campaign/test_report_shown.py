@@ -88,9 +88,9 @@ MANY = (
 
 def test_many_findings_fit_one_screen_in_order() -> None:
     late = tuple(
-        replace(PASSED, id=f"b.foresee::r{k}", verdict=Verdict.TIMEOUT, reason=f"timeout {k} " * 9) for k in range(9)
+        replace(PASSED, id=f"b.foresee::r{k}", verdict=Verdict.TIMEOUT, reason=f"timeout {k} " * 16) for k in range(9)
     )
-    for count in (5, 9):  # few findings: what else went wrong gives way to them
+    for count in (5, 6, 9):  # few findings: what else went wrong gives way to them
         few = CampaignResult(CampaignSettings(), (*MANY[1 : 2 * count : 2], *late), (), 1.0)
         screen = shown(few, 80).split("\n")
         assert sum(max(1, -(-len(line) // 80)) for line in screen) <= SCREEN_LINES - 2, count
