@@ -16,7 +16,7 @@ from foresee_dsl.errors import ForeseeError
 
 BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "bridges": {
-        "foresee_dsl.drivers": ("carla", "commonroad", "fmi", "gym", "nuplan"),
+        "foresee_dsl.drivers": ("carla", "commonroad", "fmi", "grpc", "gym", "nuplan"),
         "foresee_dsl.exporters": ("osi",),
     },
     "exchange": {
