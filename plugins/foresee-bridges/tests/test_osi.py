@@ -240,3 +240,25 @@ def test_names_follow_osis_convention(ground_truths: list, folder: Path) -> None
     names = [parse_osi_trace_filename(file.name) for file in folder.glob("*.osi")]
     assert {name["number_of_frames"] for name in names} >= {len(ground_truths)}
     assert {name["custom_trace_name"] for name in names} >= {"red_light_runner_r01"}
+
+
+def test_omega_prime_reads_a_recording_with_its_map(ground_truths: list, folder: Path, trace: Trace) -> None:
+    omega_prime = pytest.importorskip(
+        "omega_prime", reason="omega-prime brings polars, pandas and altair along; tested by hand"
+    )
+    recording = omega_prime.Recording.from_file(next(folder.glob("*_gt_*_red_light_runner_r01.osi")))
+    assert len(ground_truths[0].lane) == len(recording.map.lanes) and recording.host_vehicle_idx == 1
+    ego = recording.df.filter(recording.df["idx"] == 1).sort("total_nanos")
+    places = np.stack([ego["x"].to_numpy(), ego["y"].to_numpy()], axis=1)
+    assert np.abs(places - trace.states[:, 0, :2]).max() < 1e-3
+    assert np.abs(np.remainder(ego["yaw"].to_numpy() - trace.states[:, 0, HEADING] + 1, math.tau) - 1).max() < 1e-6
+
+
+def test_betterosi_reads_the_same(ground_truths: list, folder: Path, trace: Trace) -> None:
+    betterosi = pytest.importorskip("betterosi", reason="a second implementation of OSI; tested by hand")
+    file = next(folder.glob("*_gt_*_red_light_runner_r01.osi"))
+    messages = list(betterosi.read(str(file), return_ground_truth=True))
+    assert len(messages) == len(ground_truths)
+    for frame in (0, 100, trace.frames - 1):
+        ego = next(thing for thing in messages[frame].moving_object if thing.id.value == 1)
+        assert (ego.base.position.x, ego.base.position.y) == pytest.approx(tuple(trace.states[frame, 0, :2]), abs=1e-3)
