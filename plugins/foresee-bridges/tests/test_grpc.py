@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from carla_driver_interface.protocol import TrafficLightState
 from carla_driver_interface.server import build_server, serving
 from foresee_bridges.grpc.driver import PolicyServerDriver
 
+from foresee_dsl.campaign import conformance
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.drivers import consent
 from foresee_dsl.drivers.protocol import (
@@ -93,6 +95,14 @@ def test_the_packages_route_follower_drives_the_same_in_two_processes(follower: 
     command = [sys.executable, "-m", "foresee_dsl", "run", CASE, "--driver", follower, "--json"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert result.trace.digest in done.stdout, done.stdout + done.stderr
+
+
+def test_the_route_follower_keeps_to_bends(follower: str) -> None:
+    """Its plans begin on the route, beside the ego: the way from the ego to the first point is no part of the plan."""
+    consent.allow(follower)
+    case = Path(conformance.__file__).parent / "cases" / "02_two_bends.foresee"
+    result = run_test_case(load_test_case(str(case)), driver=follower, seed=0)
+    assert (result.verdict.value, result.reason.partition(" at ")[0]) == ("pass", "arrived")
 
 
 def test_a_policy_gets_the_ego_the_route_and_what_is_seen() -> None:

@@ -103,7 +103,7 @@ class PolicyServerDriver:
         response = self._call(self._stub.drive, request, self.step_deadline_s)
         if response.terminate_session:
             raise DriverError(f"{self.name}: the policy ended the session at {observation.time_s:g} s")
-        self._plan = self._messages.trajectory(response)
+        self._plan = self._messages.trajectory(response, observation.time_s)
 
     def close(self) -> None:
         """End the session and the connection."""

@@ -90,16 +90,27 @@ class Messages:
         data.actors.extend(_actor(actor) for actor in observation.actors)
         return data
 
-    def trajectory(self, response: Any) -> Trajectory | None:  # noqa: ANN401
-        """Return the plan of a response for the centre of the footprint; None if it has fewer than two poses."""
+    def trajectory(self, response: Any, now_s: float) -> Trajectory | None:  # noqa: ANN401
+        """Return the plan of a response for the centre of the footprint; None if it has fewer than two poses.
+
+        A response begins with the ego's own pose, which is no part of the plan: from there, the plan may jump aside.
+        The plan is continued backwards to `now_s` instead.
+        """
         plan = Plan.from_proto(response.trajectory)
-        if len(plan) < 2:
-            return None
         times = np.array(plan.timestamps_us, dtype=np.float64) / 1e6
-        headings = np.array([pose.yaw for pose in plan.poses])
+        planned = times > now_s + 1e-6
+        if np.count_nonzero(planned) < 2:
+            return None
+        times = times[planned]
+        headings = np.array([pose.yaw for pose in plan.poses])[planned]
         ahead = np.stack((np.cos(headings), np.sin(headings)), axis=1)
-        points = plan.positions[:, :2] + rear_axle_m(self._vehicle) * ahead
-        return Trajectory(times, points, headings)
+        points = plan.positions[planned, :2] + rear_axle_m(self._vehicle) * ahead
+        back = (times[0] - now_s) / (times[1] - times[0]) * (points[1] - points[0])
+        return Trajectory(
+            np.concatenate(([now_s], times)),
+            np.concatenate(([points[0] - back], points)),
+            np.concatenate((headings[:1], headings)),
+        )
 
 
 def _actor(actor: SeenActor) -> Any:  # noqa: ANN401
