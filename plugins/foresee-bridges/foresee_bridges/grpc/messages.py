@@ -93,7 +93,7 @@ class Messages:
     def trajectory(self, response: Any, now_s: float) -> Trajectory | None:  # noqa: ANN401
         """Return the plan of a response for the centre of the footprint; None if it has fewer than two poses.
 
-        A response begins with the ego's own pose, which is no part of the plan: from there, the plan may jump aside.
+        A response begins with the ego's own pose, from which the plan may jump aside, so that pose is left out.
         The plan is continued backwards to `now_s` instead.
         """
         plan = Plan.from_proto(response.trajectory)
