@@ -150,6 +150,7 @@ def test_files_are_opened_in_one_place() -> None:
     allowed = {
         ("simulate/npz.py", "ZipFile("),
         ("compile/nets/safe_xml.py", "GzipFile("),
+        ("fmi/instance.py", "ZipFile("),  # bytes from read_outside; the unpacked size is limited too
         ("campaign/storage/store.py", '.open("rb")'),  # the head of a database that SQLite opened before
     }
     packages = ROOT / "foresee_dsl", *ROOT.glob("plugins/*/foresee_*")

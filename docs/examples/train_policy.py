@@ -1,7 +1,7 @@
-"""Train a small policy on test cases: first it imitates a driver, then PPO goes on from there. Writes policy.zip.
+"""Train a small policy on test cases: it imitates a driver, and PPO may go on from there. Writes policy.zip.
 
 pip install 'foresee-bridges[sb3]'
-python train_policy.py scenarios/scenario3.foresee --imitate pdm --steps 20000
+python train_policy.py scenarios --imitate pdm --rounds 4
 foresee run scenarios/scenario3.foresee --driver gym:policy.zip
 """
 
@@ -10,48 +10,56 @@ import argparse
 import numpy as np
 import torch
 from foresee_bridges import gym
-from foresee_bridges.gym.observations import ObjectList
+from foresee_bridges.gym.observations import ObjectList, control_of
 from stable_baselines3 import PPO
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.episode import Episode
+from foresee_dsl.simulate.results.verdict import Verdict
 
-NOISE = 0.02  # driven on top of the steering, so that the policy sees how the driver comes back to the route
 
+def demonstrate(paths, driver_name, policy):
+    """Return what was seen on test cases and what the driver would do there: [N, SIZE] vectors and [N, 2] actions.
 
-def demonstrate(paths, driver_name, rng):
-    """Return what a driver saw and answered on test cases: [N, SIZE] vectors and [N, 2] actions."""
-    seen, actions = [], []
-    for case in load_test_cases(paths):
+    The driver itself drives (policy None), or the policy, so that the driver shows how to recover from its errors
+    (DAgger: Ross, Gordon, Bagnell 2011).
+    """
+    seen, actions, passes = [], [], 0
+    cases = load_test_cases(paths)
+    for case in cases:
         driver, episode = load_driver(driver_name), Episode(compile_test_case(case))
         driver.reset(episode.mission, episode.vehicle, 0)
-        objects, place_s, noise = ObjectList(episode.mission, episode.vehicle), None, 0.0
+        objects, place_s = ObjectList(episode.mission, episode.vehicle), None
         while episode.result is None:
-            observation = episode.observation
-            place_s = objects.place(observation, place_s)
-            answer = driver.step(observation)
-            seen.append(objects.vector(observation, place_s))
-            actions.append((answer.steer, answer.throttle - answer.brake))
-            noise = 0.95 * noise + NOISE * rng.normal()
-            episode.step(type(answer)(answer.steer + noise, answer.throttle, answer.brake))
+            place_s = objects.place(episode.observation, place_s)
+            seen.append(objects.vector(episode.observation, place_s))
+            control = driver.step(episode.observation)
+            actions.append((control.steer, control.throttle - control.brake))
+            if policy is not None:
+                control = control_of(policy.predict(seen[-1], deterministic=True)[0])
+            episode.step(control)
+        passes += episode.result.verdict == Verdict.PASS
+    print(f"{len(seen)} steps of {'the policy' if policy else driver_name}: {passes} of {len(cases)} cases passed")
     return np.array(seen, dtype=np.float32), np.array(actions, dtype=np.float32)
 
 
 def imitate(policy, seen, actions, epochs, rng):
-    """Fit the policy's mean action to the demonstrated ones."""
+    """Fit the policy's mean action to the demonstrated ones; steering and pedals count the same."""
     optimizer = torch.optim.Adam(policy.parameters(), lr=1e-3)
     inputs, answers = torch.as_tensor(seen), torch.as_tensor(actions)
-    for epoch in range(epochs):
+    spread = answers.std(dim=0) + 1e-3
+    for _ in range(epochs):
         order, losses = rng.permutation(len(seen)), []
         for part in np.array_split(order, max(len(seen) // 256, 1)):
-            loss = torch.nn.functional.mse_loss(policy.get_distribution(inputs[part]).mode(), answers[part])
+            errors = (policy.get_distribution(inputs[part]).mode() - answers[part]) / spread
+            loss = errors.square().mean()
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
             losses.append(loss.item())
-        print(f"epoch {epoch + 1}: mean squared error {np.mean(losses):.4f}", flush=True)
+    print(f"{epochs} epochs: mean squared error {np.mean(losses):.3f} of the variance", flush=True)
 
 
 def main():
@@ -59,7 +67,8 @@ def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("paths", nargs="+", help="files, folders or file.foresee::case")
     options.add_argument("--imitate", default="pdm", help="the driver to imitate")
-    options.add_argument("--epochs", type=int, default=30)
+    options.add_argument("--rounds", type=int, default=4, help="rounds of correction: the policy drives")
+    options.add_argument("--epochs", type=int, default=15, help="passes over the data in each round")
     options.add_argument("--steps", type=int, default=0, help="steps of PPO after the imitation")
     options.add_argument("--out", default="policy.zip")
     wanted = options.parse_args()
@@ -67,9 +76,12 @@ def main():
     torch.set_num_threads(1)
     rng = np.random.default_rng(0)
     model = PPO("MlpPolicy", gym.make(*wanted.paths), seed=0, device="cpu", policy_kwargs={"net_arch": [128, 128]})
-    seen, actions = demonstrate(wanted.paths, wanted.imitate, rng)
-    print(f"{len(seen)} steps of {wanted.imitate}")
+    seen, actions = demonstrate(wanted.paths, wanted.imitate, None)
     imitate(model.policy, seen, actions, wanted.epochs, rng)
+    for _ in range(wanted.rounds):
+        more_seen, more_actions = demonstrate(wanted.paths, wanted.imitate, model.policy)
+        seen, actions = np.concatenate([seen, more_seen]), np.concatenate([actions, more_actions])
+        imitate(model.policy, seen, actions, wanted.epochs, rng)
     if wanted.steps:
         model.learn(wanted.steps)
     model.save(wanted.out)

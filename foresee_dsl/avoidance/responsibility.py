@@ -49,7 +49,7 @@ class Whose(StrEnum):
 
     DRIVER = "driver", "the driver's fault"
     ARGUABLE = "arguable", "arguable"
-    UNAVOIDABLE = "unavoidable", "no driver could have avoided it", "that no driver could have avoided"
+    UNAVOIDABLE = "unavoidable", "no driver can be expected to avoid it", "that no driver can be expected to avoid"
     TOOL = "tool", "the tool's or the scenario's own"
 
     @property

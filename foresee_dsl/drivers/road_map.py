@@ -22,6 +22,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import distinct
 from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement
 from foresee_dsl.errors import DriverError
+from foresee_dsl.files import read_outside_text
 from foresee_dsl.kernels.arrays import FloatArray
 
 MITRE_MOST = 2.0
@@ -137,7 +138,7 @@ class RoadMap:
             run_netconvert(
                 ["--sumo-net-file", str(self.net_file.resolve()), "--opendrive-output", "map.xodr"], Path(folder)
             )
-            return (Path(folder) / "map.xodr").read_text(encoding="utf-8")
+            return read_outside_text(Path(folder) / "map.xodr")
 
 
 def build_road_map(network: RoadNetwork, route: Sequence[str], net_file: Path) -> RoadMap:

@@ -70,7 +70,7 @@ class Contents:
 
     @property
     def folded_text(self) -> str:
-        """Return how many findings are folded, by judgement, such as `11 that no driver could have avoided`."""
+        """Return how many findings are folded, by judgement, such as `11 that no driver can be expected to avoid`."""
         counts = Counter(finding.judgement.word for finding in self.folded if finding.triage is None)
         kinds = [f"{counts[whose.value]} {whose.counted}" for whose in FOLDED if counts[whose.value]]
         triaged = counted_decisions(finding.triage for finding in self.folded if finding.triage is not None)
