@@ -225,8 +225,10 @@ def test_an_fmu_of_fmi_2_drives(tmp_path: Path) -> None:
     driver = FmuDriver.from_argument(str(tmp_path / "Second.fmu"))
     driver.reset(straight(), CAR, 0)
     control = driver.step(observation(EgoState(51.4, 0, 0, 10, 0, 0, 0), SeenActor(1, "car", 110, 0, 0, 5.0, 4.0, 1.8)))
+    hard = driver.step(observation(EgoState(51.4, 0, 0, 90, 0, 0, 0), time_s=0.05))
     driver.close()
     assert (control.steer, control.throttle, control.brake) == pytest.approx((0.0, 0.0, 2.0 / 8.0))
+    assert hard.brake == 1.0  # more braking than there is
 
 
 def test_an_fmu_that_fails_is_a_crash_of_the_driver(tmp_path: Path) -> None:

@@ -84,8 +84,9 @@ class FmuDriver:
         if ACCELERATES not in answer:
             return Control(steer, answer["control.throttle"], answer["control.brake"])
         wanted = answer[ACCELERATES]
-        throttle = wanted / vehicle.acceleration_mps2 if wanted > 0 else 0.0
-        return Control(steer, throttle, -wanted / vehicle.emergency_braking_mps2 if wanted < 0 else 0.0)
+        throttle = min(wanted / vehicle.acceleration_mps2, 1.0) if wanted > 0 else 0.0
+        brake = min(-wanted / vehicle.emergency_braking_mps2, 1.0) if wanted < 0 else 0.0
+        return Control(steer, throttle, brake)
 
 
 def _value(values: Values, source: Source) -> float | FloatArray:
