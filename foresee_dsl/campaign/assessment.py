@@ -12,7 +12,7 @@ import numpy as np
 
 from foresee_dsl.campaign.driving import driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.execution.runs import broken_verdict, raise_if_not_created
 from foresee_dsl.campaign.timed_driver import TimedDriver
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
@@ -202,6 +202,7 @@ def assess_drivers(
 
     Raises:
         InputError: a test case is impossible on its network; no run was started.
+        DriverError: the address of a driver names nothing that can drive.
     """
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
@@ -214,6 +215,7 @@ def assess_drivers(
             for k, (case, driver) in enumerate(pairs)
         )  # fmt: skip
         for task, outcome in pool.results():
+            raise_if_not_created(outcome)
             driver_run = _broken(*pairs[int(task.key)], outcome) if isinstance(outcome, BrokenTask) else outcome
             runs.append(driver_run)
             on_run(driver_run)

@@ -84,7 +84,7 @@ def _version(file: Path) -> str:
     try:
         sources = {file: read_outside(file)}
     except OSError as err:
-        raise DriverError(f"the driver {file} cannot be read: {err.strerror or err}; {USAGE}") from err
+        raise DriverError(f"the driver {file} cannot be read: {err.strerror or err}; {USAGE}") from None
     waiting = [file]
     while waiting:
         for module in _imports(sources[waiting.pop()]):

@@ -131,3 +131,16 @@ def test_all_cases_of_a_file(bad: tuple[Foresee, Path]) -> None:
     assert "stopped at the first failure (--fail-fast): 1 were not run" in stopped
     said = foresee("run", file, "--only", "8", code=2).stderr
     assert "no test case has the family or tag '8'" in " ".join(said.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("verb", ["run", "assess"])
+@pytest.mark.parametrize(
+    "address", ["external:no_such_program_here", "python:no_such_file.py:Mine", "gym:missing.onnx"]
+)
+def test_an_address_that_names_nothing_is_an_error_of_the_command(
+    bad: tuple[Foresee, Path], verb: str, address: str
+) -> None:
+    foresee, file = bad
+    done = foresee(verb, file, "--driver", address, "--jobs", 1, code=1)
+    assert done.stdout == "" and "Traceback" not in done.stderr
+    assert done.stderr.startswith("error: ") and address.split(":")[1] in done.stderr

@@ -11,6 +11,7 @@ from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
@@ -57,7 +58,11 @@ def run_cases(
     rules: RulesMode = RULES_MODE,
     profiler: Profiler | None = None,
 ) -> Iterator[CaseRun]:
-    """Run test cases; yield each run as soon as it ends. `profiler` measures where the time goes."""
+    """Run test cases; yield each run as soon as it ends. `profiler` measures where the time goes.
+
+    Raises:
+        DriverError: the driver's address names nothing that can drive.
+    """
     # A single run uses no fork server, because starting it would take as long as the run.
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
@@ -73,6 +78,7 @@ def run_cases(
             pool.add(map(profiler.task, todo))
             results = ((task, profiler.taken(outcome)) for task, outcome in profiler.received(pool.results()))
         for task, outcome in results:
+            raise_if_not_created(outcome)
             yield case_run(tasks[task.name], outcome)
 
 
@@ -88,6 +94,17 @@ def case_run(case: TestCase, outcome: RunResult | BrokenTask) -> CaseRun:
         return CaseRun(case, outcome.verdict, outcome.reason, outcome.notes, outcome)
     verdict, reason = broken_verdict(outcome)
     return CaseRun(case, verdict, reason, DriverNotes(output=outcome.output))
+
+
+def raise_if_not_created(outcome: object) -> None:
+    """Raise `DriverError` if a task ended because the driver's address names nothing that can drive.
+
+    That is an error of the command and not a result of the run, in which every exception of a driver is a crash.
+    """
+    if isinstance(outcome, BrokenTask) and outcome.how == "raised":
+        name, _, message = outcome.reason.partition(": ")
+        if name in (DriverError.__name__, DriverUnavailableError.__name__):
+            raise DriverError(message)
 
 
 def broken_verdict(broken: BrokenTask) -> tuple[Verdict, str]:

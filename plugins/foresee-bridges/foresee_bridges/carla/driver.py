@@ -112,4 +112,4 @@ def _content(path: str, *, required: bool) -> bytes:
     try:
         return read_outside(Path(path))
     except OSError as err:
-        raise DriverError(f"carla:{path}: {err.strerror or err}; {USAGE}") from err
+        raise DriverError(f"carla:{path}: {err.strerror or err}; {USAGE}") from None

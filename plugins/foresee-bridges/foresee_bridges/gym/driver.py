@@ -53,7 +53,9 @@ class PolicyDriver:
         try:
             content = read_outside(file)
         except OSError as err:
-            raise DriverError(f"gym:{argument}: {err.strerror or err}; {USAGE}") from err
+            raise DriverError(
+                f"gym:{argument}: {err.strerror or err}; {USAGE}"
+            ) from None  # an address that names nothing is an error of the command, not of the driver
         version = hashlib.sha256(content).hexdigest()[:_WRITTEN]
         return cls(readers[file.suffix](file), f"gym:{argument}", version)
 
@@ -75,8 +77,8 @@ def _onnx(file: Path) -> Policy:
     """Return the policy of a network with one input [1, SIZE] and, as its first output, an action [1, 2]."""
     try:
         import onnxruntime
-    except ModuleNotFoundError as err:
-        raise DriverUnavailableError(f"gym:{file} needs onnxruntime: pip install 'foresee-bridges[onnx]'") from err
+    except ModuleNotFoundError:
+        raise DriverUnavailableError(f"gym:{file} needs onnxruntime: pip install 'foresee-bridges[onnx]'") from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # sums in one order: the same bits in every process
     options.use_deterministic_compute = True
@@ -85,7 +87,7 @@ def _onnx(file: Path) -> Policy:
     except Exception as err:  # onnxruntime's exceptions have no common class
         raise DriverError(
             f"gym:{file} is not a network that onnxruntime can read: {' '.join(str(err).split())}"
-        ) from err
+        ) from None
     inputs, outputs = session.get_inputs(), session.get_outputs()
     width = inputs[0].shape[-1] if inputs and inputs[0].shape else None
     if len(inputs) != 1 or (isinstance(width, int) and width != ObjectList.SIZE):
@@ -104,8 +106,10 @@ def _stable_baselines(file: Path) -> Policy:
     """Return the policy that Stable-Baselines3 saved, of any of its algorithms; its most probable action is taken."""
     try:
         from stable_baselines3.common.save_util import load_from_zip_file
-    except ModuleNotFoundError as err:
-        raise DriverUnavailableError(f"gym:{file} needs Stable-Baselines3: pip install 'foresee-bridges[sb3]'") from err
+    except ModuleNotFoundError:
+        raise DriverUnavailableError(
+            f"gym:{file} needs Stable-Baselines3: pip install 'foresee-bridges[sb3]'"
+        ) from None
     try:
         data, parameters, _ = load_from_zip_file(str(file), device="cpu")
         policy = data["policy_class"](
@@ -115,7 +119,7 @@ def _stable_baselines(file: Path) -> Policy:
     except Exception as err:  # the file may be anything
         raise DriverError(
             f"gym:{file} is not a model that Stable-Baselines3 saved: {type(err).__name__}: {err}"
-        ) from err
+        ) from None
     if policy.observation_space.shape != (ObjectList.SIZE,):
         raise DriverError(
             f"gym:{file} takes observations of shape {policy.observation_space.shape}; a policy for "

@@ -96,12 +96,12 @@ def _parsed(content: bytes, argument: str) -> Mapping[str, Any]:
     except ModuleNotFoundError:
         try:
             settings = json.loads(content)
-        except ValueError as err:
+        except ValueError:
             raise DriverUnavailableError(
                 f"nuplan:{argument} needs PyYAML: pip install 'foresee-bridges[nuplan]'"
-            ) from err
+            ) from None
     except yaml.YAMLError as err:
-        raise DriverError(f"nuplan:{argument}: the arguments are not YAML: {' '.join(str(err).split())}") from err
+        raise DriverError(f"nuplan:{argument}: the arguments are not YAML: {' '.join(str(err).split())}") from None
     if not isinstance(settings, Mapping):
         raise DriverError(
             f"nuplan:{argument}: the arguments must be names with values, such as {{target_velocity: 10}}"
@@ -132,7 +132,7 @@ def _content(path: str) -> bytes:
     try:
         return read_outside(Path(path))
     except OSError as err:
-        raise DriverError(f"nuplan:{path}: {err.strerror or err}; {USAGE}") from err
+        raise DriverError(f"nuplan:{path}: {err.strerror or err}; {USAGE}") from None
 
 
 def _digest(content: bytes) -> str:
