@@ -95,7 +95,7 @@ def test_one_run_through_all_steps(scenarios: Path, tmp_path: Path) -> None:
     for mutant in mutants:
         assert mutant["verdict"] in VERDICTS
         expanded = foresee("expand", mutant["file"]).stdout
-        assert expanded.startswith("foresee 1\n\nscenario ")
+        assert expanded.startswith("foresee 1\n\n# The mutant ") and "\nscenario " in expanded
         child = json.loads(foresee("run", mutant["file"], "--json", "--exit-zero").stdout)
         assert child["digest"] == mutant["digest"]
         # The expanded text is a scenario of its own, and it means the same.

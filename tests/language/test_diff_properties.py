@@ -34,6 +34,10 @@ NO_MEANING = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Expected, m.Origin)
 ORDERED = (m.Ego, m.Actor, m.Traffic, m.When)
 
 
+VALUES = (m.Quantity, *m.EXPRESSIONS)
+"""Values, whose meaning is a number: `pa + 0` means the same as `pa - 0`."""
+
+
 def meaning(model: m.Item) -> Any:
     """A model's meaning, told independently of the comparison: order and texts out of it where they mean nothing."""
     top = isinstance(model, m.Definition)
@@ -47,7 +51,7 @@ def meaning(model: m.Item) -> Any:
         if name == "repeat" and value == "once":
             value = None  # what a trigger does anyway
         if isinstance(value, m.Item):
-            value = value if isinstance(value, m.Quantity) else meaning(value)
+            value = value if isinstance(value, VALUES) else meaning(value)
         elif isinstance(value, tuple):
             value = _parts(model, value)
         fields[name] = content_key(value) if isinstance(value, m.Item) else value
@@ -59,9 +63,7 @@ def _parts(owner: m.Item, parts: Iterable[Any]) -> Any:
     if isinstance(owner, m.Scenario | m.Clip):
         ordered = [[repr(meaning(part)) for part in kept if isinstance(part, kind)] for kind in ORDERED]
         return (ordered, sorted(repr(meaning(part)) for part in kept if not isinstance(part, ORDERED)))
-    made = [
-        repr(meaning(p)) if isinstance(p, m.Item) and not isinstance(p, m.Quantity) else content_key(p) for p in kept
-    ]
+    made = [repr(meaning(p)) if isinstance(p, m.Item) and not isinstance(p, VALUES) else content_key(p) for p in kept]
     unordered = isinstance(owner, m.Ego | m.Actor | m.Case | m.Catalogue | m.Mutant)
     return sorted(made, key=str) if unordered else made
 

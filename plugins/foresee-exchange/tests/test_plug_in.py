@@ -17,7 +17,10 @@ from tests.support.command import foresee
 from tests.support.foreign_maps import HILL_ROAD
 from tests.support.without_plug_ins import foresee_of, installed_without
 
-MISSING = "comes with the plug-in foresee-exchange, which is not installed: pip install 'foresee-dsl[exchange]'"
+MISSING = (
+    "comes with the plug-in foresee-exchange, which is not installed: "
+    "pip install ./plugins/foresee-exchange in a checkout of foresee-dsl"
+)
 GROUPS = {"import": "foresee_dsl.importers", "export": "foresee_dsl.exporters"}
 
 
@@ -34,7 +37,7 @@ def listed(text: str) -> list[str]:
 def test_the_core_names_every_format_that_the_plug_in_offers(command: str) -> None:
     offered = tuple(sorted(e.name for e in entry_points(group=GROUPS[command]) if package_of(e) == "foresee-exchange"))
     assert offered == BESIDE["exchange"][GROUPS[command]]
-    assert tuple(listed(foresee(command, "--help").stdout)) == offered
+    assert set(offered) <= set(listed(foresee(command, "--help").stdout))
 
 
 @pytest.mark.parametrize("group", GROUPS)
@@ -51,8 +54,9 @@ def test_the_help_of_a_format_imports_nothing_heavy(group: str) -> None:
 @pytest.mark.parametrize("command", GROUPS)
 def test_without_it_the_help_lists_each_format_with_what_installs_it(command: str, without: Path) -> None:
     shown = foresee_of(without, command, "--help", code=0).stdout
-    assert tuple(listed(shown)) == BESIDE["exchange"][GROUPS[command]]
-    assert " ".join(re.sub(r"[│\s]+", " ", shown).split()).count(MISSING) == len(listed(shown))
+    formats = BESIDE["exchange"][GROUPS[command]]
+    assert set(formats) <= set(listed(shown))
+    assert " ".join(re.sub(r"[│\s]+", " ", shown).split()).count(MISSING) == len(formats)
 
 
 def test_without_it_a_command_with_its_options_says_what_installs_it(without: Path, tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def test_is_a_driver_that_says_what_it_is_and_when_it_was_not_reset() -> None:
 
 def test_without_its_package_it_is_listed_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "frenetix", None)
-    with pytest.raises(DriverError, match=r"pip install 'foresee-dsl\[frenetix\]'"):
+    with pytest.raises(DriverError, match=r"pip install ./plugins/foresee-frenetix in a checkout"):
         load_driver("frenetix")
     row = next(d for d in describe_drivers() if d.name == "frenetix")
     assert row.version == ""
