@@ -66,3 +66,14 @@ def test_a_package_adds_a_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     (kind / "kind.toml").write_text("about = 1", encoding="utf-8")
     with pytest.raises(DriverKindError, match="'theirs' has no sound"):
         driver_kinds()
+
+
+def test_the_stored_run_of_a_program_is_shown_without_starting_it(tmp_path: Path) -> None:
+    folder, tool = tmp_path / "project", (sys.executable, "-m", "foresee_dsl")
+    foresee("init", folder, "--driver", "external-python")
+    options = ("--run-programs", "--children", "1", "--risky-points", "1", "--exit-zero")
+    run(folder, *tool, "campaign", "campaign.foresee", *options)
+    (child,) = (file for file in (folder / "out/children").rglob("*_hurries_out_p1_m1.foresee"))
+    (folder / "my_driver.py").unlink()
+    shown = run(folder, *tool, "show", str(child.relative_to(folder)))
+    assert "external:python3 my_driver.py" in shown and "from out/" in " ".join(shown.split())

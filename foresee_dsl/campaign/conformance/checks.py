@@ -103,7 +103,9 @@ def check_speed(run: ObservedRun) -> Check:
         moved = f"the ego moved {record.moved_m:.1f} m on an empty road" + (f"; {pedals}" if record.highest else "")
         return _failed("speed", moved, "answer with throttle above 0 and brake 0 to move off; they may be exchanged")
     if record.fastest_share > FASTEST_SHARE:
-        return _failed("speed", share, "speed_limit_mps and speed_mps are in m/s, not in km/h")
+        return _failed(
+            "speed", share, "it drives faster than allowed; speed_limit_mps and speed_mps are in m/s, not in km/h"
+        )
     if record.fastest_share < SLOWEST_SHARE and run.verdict.is_failure:
         return _failed("speed", share, "speed_limit_mps and speed_mps are in m/s: is the limit divided by 3.6?")
     return _passed("speed", share)

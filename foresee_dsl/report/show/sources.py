@@ -120,12 +120,15 @@ def parent_of(run: ShownRun, wish: Wish, say: Callable[[str], None]) -> ShownRun
     """
     if run.case.mutant is None:
         return None
-    if not may_start(run.driver):
-        say(without_parent(run.driver))
-        return None
     address = parent_address(run.case.source.as_posix())
     same = replace(wish, driver=run.driver, seed=run.seed, allow_outside=True)
-    return of_address(_relative(address), same)
+    try:
+        return of_address(_relative(address), same)
+    except DriverError:  # there is no stored run, and a new one would start a program
+        if may_start(run.driver):
+            raise
+        say(without_parent(run.driver))
+        return None
 
 
 def _of_trace(path: Path, wish: Wish) -> ShownRun:
@@ -188,10 +191,15 @@ def _same(file: Path, case: TestCase, driver: str, seed: int) -> Trace | None:
 
 
 def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
+    """Return whether a trace is of this tool and of the driver as it is now.
+
+    The version of a program is not compared: it is known only when the program has started, and showing starts none.
+    """
     from foresee_dsl import __version__
     from foresee_dsl.drivers.registry import load_driver
 
-    return meta.get("tool") == __version__ and meta.get("driver_version") == load_driver(driver).version
+    version = load_driver(driver).version if may_start(driver) else ""
+    return meta.get("tool") == __version__ and version in ("", meta.get("driver_version"))
 
 
 def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
