@@ -4,6 +4,7 @@ files."""
 from __future__ import annotations
 
 import errno
+import hashlib
 import io
 import os
 import stat
@@ -19,6 +20,8 @@ from foresee_dsl.limits import most, raised_by
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+_SHORT = 12
+"""Number of digits of a short hash. Ours: as in the pins of mutants."""
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -168,6 +171,11 @@ def read_outside_text(file: Path, limit: str = "file") -> str:
     """
     with io.TextIOWrapper(open_outside(file, limit), encoding="utf-8") as opened:
         return opened.read(round(most(limit) * 1e6))
+
+
+def short_hash(*contents: bytes) -> str:
+    """Return the first 12 hexadecimal digits of the SHA-256 of contents: the version of a driver that is a file."""
+    return hashlib.sha256(b"".join(contents)).hexdigest()[:_SHORT]
 
 
 def unpacked_within(limit: str, packed: bytes) -> bytes:

@@ -253,7 +253,6 @@ class Follower:
 
     def __init__(self, vehicle: VehicleLimits, *, at_once: bool = False) -> None:
         self._vehicle, self._at_once = vehicle, at_once
-        self._behind_m = vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
         self._trajectory: Trajectory | None = None
         self._course: Course | None = None
         self._along_m = 0.0
@@ -320,7 +319,7 @@ class Follower:
 
     def _wheel(self, course: Course, ego: EgoState) -> float:
         """Return the wheel angle, rad."""
-        behind, at, speed = self._behind_m, self._along_m, ego.speed_mps
+        behind, at, speed = self._vehicle.rear_axle_m, self._along_m, ego.speed_mps
         direction, bend = course.direction_at(at)
         # Only the rear axle moves along the vehicle's heading. In a left bend the centre, `behind` metres ahead of it,
         # moves to the left of the heading, by the angle `slip`.

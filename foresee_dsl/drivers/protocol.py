@@ -47,6 +47,11 @@ class VehicleLimits:
     steer_rate_rad_s: float
     friction: float = 0.9
 
+    @property
+    def rear_axle_m(self) -> float:
+        """Distance of the rear axle behind the centre of the footprint, m."""
+        return self.wheelbase_m + self.front_overhang_m - self.length_m / 2
+
 
 @dataclass(frozen=True)
 class Foe:

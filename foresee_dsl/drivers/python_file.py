@@ -7,7 +7,6 @@ the user's consent (`drivers.consent`).
 from __future__ import annotations
 
 import ast
-import hashlib
 import importlib.util
 import sys
 from collections.abc import Iterator
@@ -16,12 +15,9 @@ from types import ModuleType
 
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import DriverError
-from foresee_dsl.files import read_outside
+from foresee_dsl.files import read_outside, short_hash
 
 USAGE = "write python:FILE.py:CLASS, such as --driver python:my_driver.py:MyDriver"
-_WRITTEN = 12
-"""Number of hexadecimal digits of the sources' SHA-256 that the driver's version contains. Ours: as in the files of
-mutants."""
 
 
 class PythonFileDriver:
@@ -93,10 +89,7 @@ def _version(file: Path) -> str:
                 if source not in sources and source.is_file():
                     sources[source] = read_outside(source)
                     waiting.append(source)
-    digest = hashlib.sha256()
-    for source in sorted(sources):
-        digest.update(sources[source])
-    return digest.hexdigest()[:_WRITTEN]
+    return short_hash(*(sources[source] for source in sorted(sources)))
 
 
 def _imports(source: bytes) -> Iterator[str]:

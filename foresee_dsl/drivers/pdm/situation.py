@@ -63,11 +63,6 @@ def read_situation(
     return RoadSituation(route, vehicle, observation, egos, actors, signals)
 
 
-def to_centre(vehicle: VehicleLimits) -> float:
-    """Return the distance from the rear axle to the middle of the footprint, m."""
-    return vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
-
-
 def ego_record(vehicle: VehicleLimits) -> Records:
     """Return an `EgoRecord` record [1] of a vehicle, with a state and position of zero."""
     grip = cfg.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
@@ -76,7 +71,7 @@ def ego_record(vehicle: VehicleLimits) -> Records:
         "width": vehicle.width_m,
         "wheelbase": vehicle.wheelbase_m,
         "front": vehicle.wheelbase_m + vehicle.front_overhang_m,
-        "centre": to_centre(vehicle),
+        "centre": vehicle.rear_axle_m,
         "sharpest": math.tan(vehicle.steer_max_rad) / vehicle.wheelbase_m,
         "steer_max": vehicle.steer_max_rad,
         "grip": grip,

@@ -99,7 +99,7 @@ class Bicycle:
             if not getattr(limits, name) > 0:
                 raise ValueError(f"{limits.model}: {name} is {getattr(limits, name)}, and it must be positive")
         self.limits = limits
-        self.rear_axle_m = limits.wheelbase_m + limits.front_overhang_m - limits.length_m / 2
+        self.rear_axle_m = limits.rear_axle_m
         """Distance of the rear axle behind the centre of the footprint, m."""
         self.grip_mps2 = limits.friction * GRAVITY_MPS2
         self.lateral_mps2 = lateral_limit_mps2(limits.model, limits.friction)

@@ -67,11 +67,6 @@ class RouteTracker:
         return next((junction for junction in self.mission.junctions if junction.stop_s > s), None)
 
 
-def rear_axle_m(vehicle: VehicleLimits) -> float:
-    """Return the distance from the rear axle to the centre of the footprint, m."""
-    return vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
-
-
 def in_frame(points: FloatArray, x: float, y: float, heading_rad: float) -> FloatArray:
     """Return points relative to a pose, x ahead and y to the left, [N, 2] m."""
     ahead = np.array((math.cos(heading_rad), math.sin(heading_rad)))
@@ -81,5 +76,5 @@ def in_frame(points: FloatArray, x: float, y: float, heading_rad: float) -> Floa
 
 def rear_axle(ego: EgoState, vehicle: VehicleLimits) -> tuple[float, float]:
     """Return the centre of the ego's rear axle, x and y, m."""
-    back_m = rear_axle_m(vehicle)
+    back_m = vehicle.rear_axle_m
     return ego.x - back_m * math.cos(ego.heading_rad), ego.y - back_m * math.sin(ego.heading_rad)

@@ -80,6 +80,12 @@ class Follower(AutonomousAgent):
 """
 
 
+@pytest.fixture(autouse=True)
+def own_search_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folders of agents stay on the module search path as in the leaderboard; later tests must not import from them."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+
+
 def written(folder: Path, text: str, name: str) -> Path:
     """Write an agent's module; each test needs a name of its own, because modules stay imported."""
     file = folder / f"{name}.py"

@@ -98,7 +98,7 @@ def test_signals_are_known_by_the_keys_of_the_observation() -> None:
 
 def test_the_rear_axle_is_behind_the_centre() -> None:
     _, _, car = roads()
-    behind = geometry.rear_axle_behind_centre_m(car)
+    behind = car.rear_axle_m
     # rear overhang + wheelbase + front overhang = length, so the rear axle is this far before the rear bumper
     assert car.length_m / 2 - behind == pytest.approx(car.length_m - car.wheelbase_m - car.front_overhang_m)
     x, y = geometry.rear_axle(10.0, 20.0, math.pi / 2, car)

@@ -15,7 +15,7 @@ from frenetix.trajectory_functions import feasability_functions as feasibility
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.pdm.route import DriverRoute
-from foresee_dsl.drivers.pdm.situation import RoadSituation, to_centre
+from foresee_dsl.drivers.pdm.situation import RoadSituation
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 from foresee_dsl.kernels.arrays import BoolArray
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
@@ -147,7 +147,7 @@ class Planner:
         Raises `ValueError` if the car is too far off the route for the library's coordinates, `RuntimeError` if it
         heads against the route.
         """
-        state, back = situation.observation.ego, to_centre(self._vehicle)
+        state, back = situation.observation.ego, self._vehicle.rear_axle_m
         window = self._at(situation.ego.s)
         heading, speed = state.heading_rad, situation.ego.forward
         axle = np.array([state.x - back * math.cos(heading), state.y - back * math.sin(heading)])

@@ -11,7 +11,7 @@ import numpy as np
 from foresee_dsl.drivers.ideal import NO_FUTURES, Memory
 from foresee_dsl.drivers.parts import PlannedMotion
 from foresee_dsl.drivers.pdm.route import build_route
-from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, to_centre, write_state
+from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, write_state
 from foresee_dsl.drivers.protocol import (
     Control,
     EgoState,
@@ -269,7 +269,7 @@ class TrackingController:
 
 def deviation(wanted: Pose, state: EgoState, vehicle: VehicleLimits) -> tuple[float, float, float]:
     """Return the rear axle's deviation from the plan: ahead (m), to the left (m), and turned to the left (rad)."""
-    back = to_centre(vehicle)
+    back = vehicle.rear_axle_m
     dx = state.x - back * math.cos(state.heading_rad) - wanted.x
     dy = state.y - back * math.sin(state.heading_rad) - wanted.y
     cos, sin = math.cos(wanted.heading), math.sin(wanted.heading)

@@ -32,7 +32,7 @@ class Pilot:
 
     def __init__(self, vehicle: VehicleLimits) -> None:
         self._vehicle = vehicle
-        self._axle_m = vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
+        self._axle_m = vehicle.rear_axle_m
         self._errors: deque[float] = deque(maxlen=cfg.INTEGRAL_STEPS)
 
     def follow(

@@ -6,7 +6,6 @@ its address.
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import math
 from pathlib import Path
@@ -20,10 +19,7 @@ from foresee_bridges.carla.plan import plan_of
 from foresee_bridges.carla.sensors import Scene, readers
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError
-from foresee_dsl.files import read_outside
-
-_WRITTEN = 12
-"""Number of hexadecimal digits of the SHA-256 that the driver's version contains. Ours: as for `gym`."""
+from foresee_dsl.files import read_outside, short_hash
 
 
 class AgentDriver:
@@ -47,10 +43,7 @@ class AgentDriver:
         name, _, configuration = rest.partition(":")
         if not file.endswith(".py"):
             raise DriverError(f"carla:{argument} names no agent; {USAGE}")
-        digest = hashlib.sha256()
-        for path in (file, configuration):
-            digest.update(_content(path, required=path == file))
-        version = digest.hexdigest()[:_WRITTEN]
+        version = short_hash(*(_content(path, required=path == file) for path in (file, configuration)))
         return cls(agent_class(Path(file), name), configuration, f"carla:{argument}", version)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:

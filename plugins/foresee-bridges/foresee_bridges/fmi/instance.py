@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import io
 import shutil
 import tempfile
@@ -16,14 +15,12 @@ import numpy as np
 
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.errors import DriverError, DriverUnavailableError
-from foresee_dsl.files import read_outside
+from foresee_dsl.files import read_outside, short_hash
 from foresee_dsl.limits import most, raised_by
 
 _WHOLE_NUMBERS = ("Integer", "Enumeration", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
 _SHOWN = 3
 """Number of messages of the FMU that an error quotes."""
-_WRITTEN = 12
-"""Number of hexadecimal digits of a file's SHA-256 that the driver's version contains. Ours: as for policies."""
 
 
 def fmpy() -> Any:  # noqa: ANN401  a module without types
@@ -57,7 +54,7 @@ class FmuFile:
             self._content = read_outside(file)
         except OSError as err:
             raise DriverError(f"{file} cannot be read: {err.strerror or err}") from None
-        self.digest = hashlib.sha256(self._content).hexdigest()[:_WRITTEN]
+        self.digest = short_hash(self._content)
         try:
             with zipfile.ZipFile(io.BytesIO(self._content)) as archive:
                 self._check_archive(archive, file)

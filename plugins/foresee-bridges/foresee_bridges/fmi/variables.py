@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_bridges.route import RouteTracker, in_frame, rear_axle, rear_axle_m
+from foresee_bridges.route import RouteTracker, in_frame, rear_axle
 from foresee_dsl.drivers.protocol import (
     ActorClass,
     EgoState,
@@ -212,7 +212,7 @@ class InputValues:
             "route.bend_speed": bend_mps,
             "route.speed_error": bend_mps - ego.speed_mps,
             "route.stop_distance": min(junction.stop_s - front_s, FAR_M) if junction is not None else FAR_M,
-            "route.goal_distance": min(route.mission.goal_s - place.s - rear_axle_m(vehicle), FAR_M),
+            "route.goal_distance": min(route.mission.goal_s - place.s - vehicle.rear_axle_m, FAR_M),
             "route.signal.color": float(COLOURS[seen]) if seen is not None else 0.0,
             "lead.distance": lead[0],
             "lead.speed": lead[1],

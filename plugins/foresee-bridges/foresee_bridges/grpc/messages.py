@@ -15,7 +15,7 @@ from carla_driver_interface import protocol
 from carla_driver_interface.geometry import Pose, waypoints_to_proto
 from carla_driver_interface.geometry import Trajectory as Plan
 
-from foresee_bridges.route import RouteTracker, in_frame, rear_axle, rear_axle_m
+from foresee_bridges.route import RouteTracker, in_frame, rear_axle
 from foresee_dsl.drivers.protocol import ActorClass, Mission, Observation, SeenActor, Trajectory, VehicleLimits
 
 ROUTE_M, ROUTE_STEP_M = 100.0, 2.0
@@ -76,7 +76,7 @@ class Messages:
     def _renderer_data(self, observation: Observation) -> Any:  # noqa: ANN401
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
         place = self._route.place(*rear_axle(observation.ego, self._vehicle))
-        centre_s = place.s + rear_axle_m(self._vehicle)
+        centre_s = place.s + self._vehicle.rear_axle_m
         data = protocol.CarlaRendererData(
             snapshot_timestamp_us=microseconds(max(measured_s, 0.0)),
             frame_id=self._frame,
@@ -104,7 +104,7 @@ class Messages:
         times = times[planned]
         headings = np.array([pose.yaw for pose in plan.poses])[planned]
         ahead = np.stack((np.cos(headings), np.sin(headings)), axis=1)
-        points = plan.positions[planned, :2] + rear_axle_m(self._vehicle) * ahead
+        points = plan.positions[planned, :2] + self._vehicle.rear_axle_m * ahead
         back = (times[0] - now_s) / (times[1] - times[0]) * (points[1] - points[0])
         return Trajectory(
             np.concatenate(([now_s], times)),

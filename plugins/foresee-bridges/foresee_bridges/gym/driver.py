@@ -6,7 +6,6 @@ with the user's consent, like any driver with a colon in its address.
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 from collections.abc import Callable
 from pathlib import Path
@@ -19,14 +18,11 @@ from numpy.typing import NDArray
 from foresee_bridges.gym.observations import ObjectList, control_of
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError, DriverUnavailableError
-from foresee_dsl.files import read_outside
+from foresee_dsl.files import read_outside, short_hash
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.floating]]
 """A policy: from the vector of `ObjectList`, [SIZE] float32, to an action, [2]."""
 USAGE = "write gym:POLICY.onnx, gym:POLICY.zip (Stable-Baselines3), gym:FILE.py:FUNCTION or gym:MODULE:FUNCTION"
-_WRITTEN = 12
-"""Number of hexadecimal digits of a file's SHA-256 that the driver's version contains. Ours: as in the files of
-mutants."""
 
 
 class PolicyDriver:
@@ -56,7 +52,7 @@ class PolicyDriver:
             raise DriverError(
                 f"gym:{argument}: {err.strerror or err}; {USAGE}"
             ) from None  # an address that names nothing is an error of the command, not of the driver
-        version = hashlib.sha256(content).hexdigest()[:_WRITTEN]
+        version = short_hash(content)
         return cls(readers[file.suffix](file), f"gym:{argument}", version)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:

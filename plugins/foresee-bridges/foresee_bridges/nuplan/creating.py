@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import importlib.util
 import json
@@ -13,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from foresee_dsl.errors import DriverError, DriverUnavailableError
-from foresee_dsl.files import read_outside
+from foresee_dsl.files import read_outside, short_hash
 
 USAGE = "write nuplan:MODULE:CLASS, nuplan:FILE.py:CLASS, nuplan:MODULE:CLASS:ARGUMENTS or nuplan:CONFIGURATION.yaml"
 NEEDS = (
@@ -48,7 +47,7 @@ def new_planner(argument: str) -> tuple[Any, str]:
             settings = inner  # nuPlan's files have the planner under its name
         if _TARGET not in settings:
             raise DriverError(f"nuplan:{argument} has no {_TARGET}; {USAGE}")
-        return _created(settings, argument), _digest(content)
+        return _created(settings, argument), (short_hash(content) if content else "1")
     module, _, rest = argument.partition(":")
     name, _, arguments = rest.partition(":")
     if not module or not name.isidentifier():
@@ -63,7 +62,7 @@ def new_planner(argument: str) -> tuple[Any, str]:
     else:
         content += arguments.encode()
         settings = _parsed(arguments.encode(), argument) if arguments else {}
-    return _created({_TARGET: f"{module}.{name}", **settings}, argument), _digest(content)
+    return _created({_TARGET: f"{module}.{name}", **settings}, argument), (short_hash(content) if content else "1")
 
 
 def _created(settings: Mapping[str, Any], argument: str) -> Any:
@@ -133,7 +132,3 @@ def _content(path: str) -> bytes:
         return read_outside(Path(path))
     except OSError as err:
         raise DriverError(f"nuplan:{path}: {err.strerror or err}; {USAGE}") from None
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:12] if content else "1"

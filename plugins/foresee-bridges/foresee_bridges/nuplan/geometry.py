@@ -16,21 +16,16 @@ START_S = 100.0
 """Time of nuPlan's clock at our time 0, s: its times must not be negative, and the history begins before 0. Ours."""
 
 
-def rear_axle_behind_centre_m(vehicle: VehicleLimits) -> float:
-    """Return the distance from the rear axle to the centre of the footprint, m."""
-    return vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
-
-
 def rear_axle(x: float, y: float, heading_rad: float, vehicle: VehicleLimits) -> tuple[float, float]:
     """Return the middle of the rear axle of a vehicle whose centre is given."""
-    behind_m = rear_axle_behind_centre_m(vehicle)
+    behind_m = vehicle.rear_axle_m
     return x - behind_m * math.cos(heading_rad), y - behind_m * math.sin(heading_rad)
 
 
 def centres(axles: FloatArray, heading_rad: FloatArray, vehicle: VehicleLimits) -> FloatArray:
     """Return the centres, [N, 2], of rear axles, [N, 2]."""
     ahead = np.column_stack((np.cos(heading_rad), np.sin(heading_rad)))
-    return np.asarray(axles + rear_axle_behind_centre_m(vehicle) * ahead, dtype=np.float64)
+    return np.asarray(axles + vehicle.rear_axle_m * ahead, dtype=np.float64)
 
 
 def time_us(time_s: float) -> int:

@@ -15,10 +15,9 @@ from foresee_bridges.osi.signals import Lights
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import Scene, SumoBundle
-from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
 from foresee_dsl.exchange.protocol import Tell
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.exchange.recorded import driver_and_seed
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 from foresee_dsl.simulate.trace import Trace, X
@@ -67,7 +66,7 @@ def run(
         for address in addresses:
             case = load_test_case(address, allow_outside=allow_outside)
             tell(f"running {case.id}")
-            of_case, number = as_recorded(case, driver, seed)
+            of_case, number = driver_and_seed(case, driver, seed)
             bundle = compile_test_case(case)
             result = run_test_case(case, of_case, number)
             frames = Frames(bundle, result.trace)
@@ -79,20 +78,6 @@ def run(
         return Imported((), len(addresses), dict(sorted(taken.items())), +left_out, tuple(notes))
 
     return import_together(out, write)
-
-
-def as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, int]:
-    """Return the driver and seed of the run: the given ones, otherwise those that the mutant records."""
-    origin = case.mutant.origin if case.mutant is not None else None
-    if not driver:
-        driver = recorded_address((origin.driver if origin else None) or "pdm")
-        if ":" in driver:  # the export of a file from someone else must not run a command
-            raise ExchangeError(
-                f"recorded with a program as its driver ({driver}): write it, or another driver, with --driver"
-            )
-    if seed is None:
-        seed = int(origin.seed.value) if origin and origin.seed else 0
-    return driver, seed
 
 
 class Frames:

@@ -14,9 +14,8 @@ import numpy as np
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
-from foresee_dsl.drivers.registry import recorded_address
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.exchange.outcome import Imported, import_together
+from foresee_dsl.exchange.recorded import driver_and_seed
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 from foresee_exchange.maps.opendrive import opendrive_of
@@ -69,7 +68,7 @@ def run(
     """
     library()
     case = load_test_case(address, allow_outside=allow_outside)
-    driver, seed = _as_recorded(case, driver, seed)
+    driver, seed = driver_and_seed(case, driver, seed)
     bundle = compile_test_case(case)
     result = run_test_case(case, driver, seed)
     trace = result.trace
@@ -109,20 +108,6 @@ def run(
         return Imported((), 1, taken, +left_out, (f"driven by {driver}: {result.reason}", *off))
 
     return import_together(out, write)
-
-
-def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, int]:
-    """Return the driver and seed of the run: the given ones, otherwise those that the mutant records."""
-    origin = case.mutant.origin if case.mutant is not None else None
-    if not driver:
-        driver = recorded_address((origin.driver if origin else None) or "pdm")
-        if ":" in driver:  # the export of a file from someone else must not run a command
-            raise ExchangeError(
-                f"recorded with a program as its driver ({driver}): write it, or another driver, with --driver"
-            )
-    if seed is None:
-        seed = int(origin.seed.value) if origin and origin.seed else 0
-    return driver, seed
 
 
 def _story(groups: list[Xosc]) -> Xosc:
