@@ -12,13 +12,13 @@ import numpy as np
 
 from foresee_dsl.campaign.driving import driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.execution.runs import broken_verdict, raise_if_not_created
+from foresee_dsl.campaign.execution.runs import broken_verdict, or_driver_error
 from foresee_dsl.campaign.timed_driver import TimedDriver
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Driver
-from foresee_dsl.errors import InputError
+from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
@@ -210,12 +210,14 @@ def assess_drivers(
     pairs = [(case, driver) for case in cases for driver in drivers]
     with WorkerPool(jobs) as pool:
         pool.add(
-            Task(f"{case.id} with {driver}", partial(run_one, case.id, driver, deadlines=deadlines, rules=rules), seed,
+            Task(f"{case.id} with {driver}",
+                 partial(or_driver_error, run_one, case.id, driver, deadlines=deadlines, rules=rules), seed,
                  deadlines.for_run_s(longest_s(case)), key=str(k))
             for k, (case, driver) in enumerate(pairs)
         )  # fmt: skip
         for task, outcome in pool.results():
-            raise_if_not_created(outcome)
+            if isinstance(outcome, DriverError):
+                raise outcome
             driver_run = _broken(*pairs[int(task.key)], outcome) if isinstance(outcome, BrokenTask) else outcome
             runs.append(driver_run)
             on_run(driver_run)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
-from foresee_dsl.errors import DriverError, DriverUnavailableError
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
@@ -20,6 +20,8 @@ from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.profiling.tasks import Profiler
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ def run_cases(
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
         todo = (
-            Task(case.id, partial(_run_case, driver=driver, seed=seed, deadlines=deadlines, rules=rules),
+            Task(case.id,
+                 partial(or_driver_error, _run_case, driver=driver, seed=seed, deadlines=deadlines, rules=rules),
                  replace(case, document=None), deadlines.for_run_s(longest_s(case)))
             for case in cases
         )  # fmt: skip
@@ -78,7 +81,8 @@ def run_cases(
             pool.add(map(profiler.task, todo))
             results = ((task, profiler.taken(outcome)) for task, outcome in profiler.received(pool.results()))
         for task, outcome in results:
-            raise_if_not_created(outcome)
+            if isinstance(outcome, DriverError):
+                raise outcome
             yield case_run(tasks[task.name], outcome)
 
 
@@ -96,15 +100,15 @@ def case_run(case: TestCase, outcome: RunResult | BrokenTask) -> CaseRun:
     return CaseRun(case, verdict, reason, DriverNotes(output=outcome.output))
 
 
-def raise_if_not_created(outcome: object) -> None:
-    """Raise `DriverError` if a task ended because the driver's address names nothing that can drive.
+def or_driver_error(work: Callable[..., T], *arguments: Any, **options: Any) -> T | DriverError:  # noqa: ANN401
+    """Return the result of `work`, or the error that the driver's address names nothing that can drive.
 
-    That is an error of the command and not a result of the run, in which every exception of a driver is a crash.
+    That is an error of the command, which raises it; all other errors of a driver are a result of its run.
     """
-    if isinstance(outcome, BrokenTask) and outcome.how == "raised":
-        name, _, message = outcome.reason.partition(": ")
-        if name in (DriverError.__name__, DriverUnavailableError.__name__):
-            raise DriverError(message)
+    try:
+        return work(*arguments, **options)
+    except DriverError as err:
+        return err
 
 
 def broken_verdict(broken: BrokenTask) -> tuple[Verdict, str]:
