@@ -81,7 +81,7 @@ $(VENV)/.installed: pyproject.toml $(wildcard plugins/*/pyproject.toml)
 	    echo "  $$plugin" && $$install -e plugins/$$plugin || echo "the plug-in $$plugin cannot be installed here; all else works"; \
 	  done; }; }
 	@$(BIN)/python -c 'import frenetix' 2>/dev/null || echo "the driver frenetix is left out: its package has wheels for Python up to 3.12 on x86_64 Linux and macOS only; all else works"
-	@echo "  installed; the first run compiles the inner loops, which takes a minute"
+	@echo "  installed; the first run compiles the inner loops, which takes up to a minute"
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

@@ -18,7 +18,9 @@ import fcntl
 import hashlib
 import os
 import pkgutil
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -33,6 +35,8 @@ import numpy as np
 from llvmlite import binding
 from numba.extending import typeof_impl
 
+_MOST_PROCESSES = 4
+"""Largest number of processes that compile. Ours: the longest kernel takes a third of all the time."""
 F = TypeVar("F", bound=Callable[..., Any])
 _FOLDER = Path(__file__).parent
 GROUP = "foresee_dsl.kernels"
@@ -73,18 +77,18 @@ class Kernel:
     """A function that is compiled for one signature.
 
     Attributes:
-        py_func: the plain function.
+        py_func: the plain function. kinds: the types of its arguments.
     """
 
     def __init__(self, function: Callable[..., Any], kinds: tuple[ArgumentKind, ...]) -> None:
         self.py_func = function
-        self._kinds = kinds
+        self.kinds = kinds
         update_wrapper(self, function)
 
     @cached_property
     def dispatcher(self) -> Any:  # noqa: ANN401  numba's types have none
         """numba's compiled function; it raises `TypeError` for arguments of other types."""
-        signature = tuple(kind.for_numba() for kind in self._kinds)
+        signature = tuple(kind.for_numba() for kind in self.kinds)
         # numba (0.68.1) recompiles a function when its own file changes, but not when a file changes whose functions or
         # constants it uses. As numba stores a function under its name, the name gets a hash of the folder.
         qualified = self.py_func.__qualname__
@@ -123,8 +127,8 @@ def compiled(*signature: ArgumentKind) -> Callable[[F], F]:
 
 @cache
 def ensure() -> None:
-    """Compile all kernels, ours and those of other packages, if the cache does not have them; this takes a minute,
-    once.
+    """Compile all kernels, ours and those of other packages, if the cache does not have them; this takes a minute of
+    processor time, once.
 
     A run calls this before it measures the time of its driver.
     """
@@ -149,10 +153,59 @@ def _ensure(package: str, function: Callable[..., Any]) -> None:
     with _alone(folder):
         if stamp.exists():  # another process was faster
             return
-        if sys.stderr.isatty():
-            sys.stderr.write("compiling the inner loops for this machine, once (about a minute) ...\n")
-        load(package)
+        _compile_all(package)
         stamp.touch()
+
+
+def _compile_all(package: str) -> None:
+    """Compile a package's kernels on all processors."""
+    with tempfile.TemporaryDirectory() as claims, _helpers(package, claims):
+        load_part(package, claims, progress=sys.stderr.isatty())
+    load(package)  # reads what the helpers compiled, and compiles what they failed to compile
+
+
+@contextmanager
+def _helpers(package: str, claims: str) -> Iterator[None]:
+    """Let the other processors compile too, each in a process of its own, until all kernels are compiled.
+
+    They are programs, not forks or spawned copies of this process, which may be a notebook or a thread of a server.
+    """
+    code = f"from {__name__} import load_part; load_part({package!r}, {claims!r})"
+    count = min(len(os.sched_getaffinity(0)), _MOST_PROCESSES) - 1
+    helpers = [
+        subprocess.Popen(  # noqa: S603 - this interpreter, with our own code
+            [sys.executable, "-c", code], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        for _ in range(count)
+    ]
+    try:
+        yield
+        for helper in helpers:
+            helper.wait()
+    finally:
+        for helper in helpers:
+            helper.kill()
+            helper.wait()
+
+
+def load_part(package: str, claims: str, *, progress: bool = False) -> None:
+    """Compile the kernels of a package that no other process has claimed, by a file in the folder `claims`."""
+    # One kernel, pdm's decision, takes a third of the time, so it must not be compiled last: the kernel with most
+    # arguments comes first. It calls others of its folder, which are compiled with it, so these come last.
+    kernels = sorted(_kernels_of(package), key=lambda kernel: -len(kernel.kinds))
+    beside = kernels[0].py_func.__module__.rpartition(".")[0]
+    kernels[1:] = sorted(kernels[1:], key=lambda kernel: kernel.py_func.__module__.startswith(f"{beside}."))
+    for kernel in kernels:
+        name = f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}"
+        with suppress(FileExistsError):
+            (Path(claims) / name).touch(exist_ok=False)
+            if progress:
+                done = sum(1 for _ in Path(claims).iterdir())
+                sys.stderr.write(f"\rcompiling the inner loops for this machine, once: {done} of {len(kernels)} ")
+                sys.stderr.flush()
+            _ = kernel.dispatcher
+    if progress:
+        sys.stderr.write("\n")
 
 
 def load(*packages: str) -> None:

@@ -147,10 +147,38 @@ def test_all_kernels_are_compiled_once(tmp_path: Path, monkeypatch: pytest.Monke
     """The first process compiles them, and the next sees that there is nothing to do."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     compiled_all: list[str] = []
-    monkeypatch.setattr(compiling, "load", compiled_all.append)
+    monkeypatch.setattr(compiling, "_compile_all", compiled_all.append)
     for _ in range(2):
         compiling.ensure.__wrapped__()
     assert compiled_all == ["foresee_dsl.kernels", *compiling._added()]
+
+
+def test_processes_share_the_kernels_of_a_package(tmp_path: Path) -> None:
+    """Two processes compile each kernel of a package once, and a third finds all of them in the cache."""
+    package, claims = tmp_path / "loops", tmp_path / "claims"
+    for folder in (package, claims):
+        folder.mkdir()
+    kernels = "".join(f"\n\n@compiled(FLOAT)\ndef f{k}(x):\n    return x + {k}\n" for k in range(6))
+    (package / "__init__.py").write_text("", encoding="utf-8")
+    (package / "sums.py").write_text(f"from foresee_dsl.kernels.compiling import FLOAT, compiled{kernels}", "utf-8")
+    code = """
+import sys
+from foresee_dsl.kernels import compiling
+compiling.load_part("loops", sys.argv[1])
+compiling.load("loops") if sys.argv[2] else None
+made = [k for k in compiling._kernels_of("loops") if "dispatcher" in vars(k)]
+print(sum(sum(k.dispatcher.stats.cache_misses.values()) for k in made), len(made))
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+
+    def program(load: str) -> subprocess.Popen[str]:
+        words = [sys.executable, "-c", code, str(claims), load]
+        return subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True)
+
+    both = [program("") for _ in range(2)]
+    counts = [[int(count) for count in process.communicate()[0].split()] for process in both]
+    assert [sum(column) for column in zip(*counts, strict=True)] == [6, 6]
+    assert program("load").communicate()[0].split() == ["0", "6"]
 
 
 def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_path: Path) -> None:
