@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterator
 from itertools import product
 
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
-from foresee_study.measured import AVOIDERS, Counted, MeasuredCampaign, avoided
+from foresee_study.measured import AVOIDERS, Counted, MeasuredCampaign, MeasuredCase, avoided
 from foresee_study.results import TOGETHER, Results, mean, total
 from foresee_study.statistics import compare
 from foresee_study.tables.comparing import Compared, comparison_table
@@ -15,7 +17,7 @@ from foresee_study.tables.table import Column, Row, RowKind, Table, family_rows
 
 def comparison(results: Results) -> tuple[Table, ...]:
     """Return the tables of rq2."""
-    return (_by_kind(results), _by_family(results), _counted(results), _statistics(results))
+    return (_by_kind(results), _by_family(results), _counted(results), moments(results), _statistics(results))
 
 
 def shown_rankers(results: Results) -> tuple[str, ...]:
@@ -108,6 +110,73 @@ def _totals(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[float | None]:
     stories, avoidable = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]
     yield 100 * avoidable / stories if stories and avoidable is not None else None
     yield from (mean(avoided(m, who) for m in campaigns) for who in AVOIDERS)
+
+
+JUST_BEFORE_S = 1.0
+"""A risky point this long or less before an encounter is just before it, s. Ours: with clips of 10 s, the mutations of
+such a point act from 4 to 5 s before the encounter on."""
+
+
+def moments(results: Results) -> Table:
+    """Return where the rankers' risky points lie, relative to the encounters that `foresee` ranks in the same runs."""
+    columns = (
+        Column("moments"), Column("just before an encounter, %", digits=1), Column("all seconds, %", digits=1),
+        Column("per encounter"), Column("of these", ("children that fail, %",), 1),
+        Column("of the others", ("children that fail, %",), 1),
+    )  # fmt: skip
+    rows: list[Row] = []
+    for driver in results.drivers:
+        lines = [
+            Row(ranker, tuple(_before_encounters(campaigns)))
+            for ranker in shown_rankers(results)
+            if (campaigns := results.of_campaign(driver, ranker))
+            and all(case.encounters_s is not None for m in campaigns for case in m.usable)
+        ]
+        if lines:
+            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+    notes = (
+        f"Just before: at most {JUST_BEFORE_S:g} s before one of the close encounters that foresee ranks in the same "
+        "run, or at it. All seconds: the share of the whole seconds, from the first clip's on, that lie so. Per "
+        "encounter: moments just before the same encounter, of encounters that have one.",
+    )
+    return Table("rq2_moments", "RQ2: risky points and encounters", columns, tuple(rows), "ranker", notes)
+
+
+def _before_encounters(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[float | None]:
+    near: list[bool] = []
+    seconds: list[bool] = []
+    shares: dict[bool, list[bool]] = {True: [], False: []}
+    encounters: Counter[tuple[int, str, float]] = Counter()
+    for measured in campaigns:
+        for case in measured.usable:
+            seconds += [
+                _next_encounter_s(case, float(second)) is not None
+                for second in range(math.ceil(measured.before_s), math.floor(case.simulated_s) + 1)
+            ]
+            for clip in case.clips:
+                if clip.at_s is None:
+                    continue
+                encounter_s = _next_encounter_s(case, clip.at_s)
+                near.append(encounter_s is not None)
+                shares[encounter_s is not None] += [child.verdict.is_failure for child in clip.children]
+                if encounter_s is not None:
+                    encounters[measured.repetition, case.name, encounter_s] += 1
+    yield len(near) / len(campaigns)
+    yield _percent(near)
+    yield _percent(seconds)
+    yield mean(encounters.values())
+    yield _percent(shares[True])
+    yield _percent(shares[False])
+
+
+def _next_encounter_s(case: MeasuredCase, time_s: float) -> float | None:
+    """Return the time of the next encounter if a moment is just before it."""
+    later = [at for at in case.encounters_s or () if 0 <= round(at - time_s, 2) <= JUST_BEFORE_S]
+    return min(later, default=None)
+
+
+def _percent(answers: list[bool]) -> float | None:
+    return 100 * sum(answers) / len(answers) if answers else None
 
 
 def _statistics(results: Results) -> Table:
