@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foresee_study.beside import beside, in_words
+from foresee_study.beside import beside, in_words, readings
 from foresee_study.complementing import complement, split
 from foresee_study.curves import Curve, compared_areas, curve
 from foresee_study.folder import StudyFolder
@@ -92,6 +92,17 @@ def test_moments_are_counted_by_the_encounters_that_follow_within_a_second() -> 
     }  # fmt: skip
     older = replace(campaign, cases=(replace(case, encounters_s=None),))
     assert not moments(Results((older,), "paper")).rows, "files without encounters have no such table"
+
+
+def test_each_reading_of_the_paper_has_its_figures_beside_the_papers() -> None:
+    late = [made("foresee", 4, preset="paper_late"), made("random", 1, preset="paper_late")]
+    results = Results((made("foresee", 6), made("random", 4), *late), "paper")
+    assert results.readings == ("paper", "paper_late")
+    row = next(row for row in rows_of(readings(results)) if "random" in row["figure"] and "%" in row["figure"])
+    assert (row["paper, ours"], row["paper_late, ours"]) == ("50", "300")
+    assert not readings(Results((made("foresee", 6), made("random", 4)), "paper")).rows
+    wanted = wanted_by(["rq2"], StudySettings(drivers=("pdm",), rankers=("foresee",), readings=("paper_late",)))
+    assert {campaign.preset for campaign in wanted} == {"paper", "paper_late"}
 
 
 def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:
