@@ -67,8 +67,9 @@ class MeasuredClip:
 class MeasuredCase:
     """A test case's unmutated run, and its clips; it has clips only if it passed.
 
-    `encounters_s`: times of all close encounters that `foresee` ranks in this run, rising, s; None in files written
-    before this was recorded, and for a run that did not pass.
+    `encounters_s`: times of all close encounters of this run, rising, s (step 1a of the forecaster: each least distance
+    to an actor within its class's radius); None in files written before this was recorded, and for a run that did not
+    pass.
     """
 
     name: str

@@ -11,7 +11,8 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Row, Store
-from foresee_dsl.forecast.foresee import ForeseeRanker
+from foresee_dsl.forecast.foresee import close_encounters
+from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.language.model import Clip, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -87,14 +88,14 @@ def _risky_point_s(clip: ClipOutcome) -> float | None:
 
 
 def _encounters_s(store: Store, row: Row, settings: CampaignSettings) -> tuple[float, ...] | None:
-    """Return the times of the encounters that `foresee` ranks in a stored run, s; None if its trace is not stored."""
+    """Return the times of all close encounters of a stored run (step 1a of the forecaster), s; None if its trace is not
+    stored."""
     data = store.blobs.get(row.trace) if row.trace else None
     if data is None:
         return None
-    points = ForeseeRanker().rank(
-        Trace.load(io.BytesIO(data)), seed=settings.seed, before_s=settings.before_s, after_s=settings.after_s
-    )
-    return tuple(sorted(round(point.time_s, 2) for point in points))
+    trace = Trace.load(io.BytesIO(data))
+    encounters = close_encounters(trace, ForeseeSettings(), before_s=settings.before_s)
+    return tuple(round(float(trace.time_s[encounter.frame]), 2) for encounter in encounters)
 
 
 def avoided_by(failure: ChildOutcome | CaseRunOutcome) -> str:

@@ -118,7 +118,7 @@ such a point act from 4 to 5 s before the encounter on."""
 
 
 def moments(results: Results) -> Table:
-    """Return where the rankers' risky points lie, relative to the encounters that `foresee` ranks in the same runs."""
+    """Return where the rankers' risky points lie, relative to the close encounters of the same runs."""
     columns = (
         Column("moments"), Column("just before an encounter, %", digits=1), Column("all seconds, %", digits=1),
         Column("per encounter"), Column("of these", ("children that fail, %",), 1),
@@ -135,9 +135,9 @@ def moments(results: Results) -> Table:
         if lines:
             rows += [Row(driver, kind=RowKind.HEADING), *lines]
     notes = (
-        f"Just before: at most {JUST_BEFORE_S:g} s before one of the close encounters that foresee ranks in the same "
-        "run, or at it. All seconds: the share of the whole seconds, from the first clip's on, that lie so. Per "
-        "encounter: moments just before the same encounter, of encounters that have one.",
+        "Encounters: the close encounters of step 1a, from which foresee chooses. Just before: at most "
+        f"{JUST_BEFORE_S:g} s before the next encounter, or at it. All seconds: the share of the whole seconds, from "
+        "the first clip's on, that lie so. Per encounter: moments with the same next encounter, within half a clip.",
     )
     return Table("rq2_moments", "RQ2: risky points and encounters", columns, tuple(rows), "ranker", notes)
 
@@ -145,34 +145,35 @@ def moments(results: Results) -> Table:
 def _before_encounters(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[float | None]:
     near: list[bool] = []
     seconds: list[bool] = []
-    shares: dict[bool, list[bool]] = {True: [], False: []}
+    failed: dict[bool, list[bool]] = {True: [], False: []}
     encounters: Counter[tuple[int, str, float]] = Counter()
     for measured in campaigns:
         for case in measured.usable:
-            seconds += [
-                _next_encounter_s(case, float(second)) is not None
-                for second in range(math.ceil(measured.before_s), math.floor(case.simulated_s) + 1)
-            ]
+            whole = range(math.ceil(measured.before_s), math.floor(case.simulated_s) + 1)
+            seconds += [_is_just_before(_next_encounter_s(case, second), second) for second in whole]
             for clip in case.clips:
                 if clip.at_s is None:
                     continue
                 encounter_s = _next_encounter_s(case, clip.at_s)
-                near.append(encounter_s is not None)
-                shares[encounter_s is not None] += [child.verdict.is_failure for child in clip.children]
-                if encounter_s is not None:
+                near.append(_is_just_before(encounter_s, clip.at_s))
+                failed[near[-1]] += [child.verdict.is_failure for child in clip.children]
+                if encounter_s is not None and encounter_s - clip.at_s <= measured.after_s:
                     encounters[measured.repetition, case.name, encounter_s] += 1
     yield len(near) / len(campaigns)
     yield _percent(near)
     yield _percent(seconds)
     yield mean(encounters.values())
-    yield _percent(shares[True])
-    yield _percent(shares[False])
+    yield _percent(failed[True])
+    yield _percent(failed[False])
 
 
 def _next_encounter_s(case: MeasuredCase, time_s: float) -> float | None:
-    """Return the time of the next encounter if a moment is just before it."""
-    later = [at for at in case.encounters_s or () if 0 <= round(at - time_s, 2) <= JUST_BEFORE_S]
-    return min(later, default=None)
+    """Return the time of the first encounter at a moment or after it."""
+    return min((at_s for at_s in case.encounters_s or () if round(at_s - time_s, 2) >= 0), default=None)
+
+
+def _is_just_before(encounter_s: float | None, time_s: float) -> bool:
+    return encounter_s is not None and round(encounter_s - time_s, 2) <= JUST_BEFORE_S
 
 
 def _percent(answers: list[bool]) -> float | None:
