@@ -154,7 +154,14 @@ PAPER = Preset(
     steer=SteerSettings(),
 )
 """The settings of the paper (section 3.4). It does not state for how long an angle is held; here it is held to the
-clip's end."""
+clip's end. `PAPER_LATE` and `PAPER_BRIEF` are other readings."""
+
+PAPER_LATE = replace(PAPER, name="paper_late", steer=SteerSettings(before_point_s=1.0))
+"""Another reading of the paper: the angle begins 1 s before the risky point, and is held to the clip's end."""
+
+PAPER_BRIEF = replace(PAPER, name="paper_brief", steer=SteerSettings(hold_s=1.0))
+"""A third reading of the paper: the angle is held for the first second of the clip; then the vehicle returns to its
+lane."""
 
 FOCUSED = Preset(
     name="focused",
@@ -210,7 +217,7 @@ HEAVY_WEATHER = Preset(
 """One child: heavy weather, without other changes (paper, section 4.4, RQ5)."""
 
 PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {p.name: p for p in (FOCUSED, PAPER, AVOIDABLE, LAWFUL, HEAVY_WEATHER)}
+    {p.name: p for p in (FOCUSED, PAPER, PAPER_LATE, PAPER_BRIEF, AVOIDABLE, LAWFUL, HEAVY_WEATHER)}
 )
 """All presets by name. A study derives its own presets with `dataclasses.replace`, and passes the object instead of a
 name."""

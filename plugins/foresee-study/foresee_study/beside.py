@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
+from foresee_dsl.derive.presets import PAPER, PAPER_BRIEF, PAPER_LATE
 from foresee_study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child_of_paper, children_colliding
 from foresee_study.results import TOGETHER, Results
-from foresee_study.tables.table import Column, Row, Table, Value
+from foresee_study.tables.table import Column, Row, RowKind, Table, Value
 
 NEAR = 1.25
 """Factor within which two figures are called close. Ours."""
@@ -37,6 +39,40 @@ def beside(results: Results, question: str) -> Table:
     notes = (f"Here {' and '.join(names)}. {others}" if names else others,)
     return Table(f"{question}_paper", f"{question.upper()}: the paper's figures and ours", tuple(columns), tuple(rows),
                  "figure", notes)  # fmt: skip
+
+
+def readings(results: Results) -> Table:
+    """Return the paper's figures of rq2 and rq3 beside ours in each reading of the paper that was run."""
+    columns = [Column("paper"), *(Column(title, (name,)) for name in results.readings for title in ("ours", "95 %"))]
+    rows: list[Row] = []
+    if len(results.readings) > 1:
+        each = [replace(results, preset=name) for name in results.readings]
+        drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
+        for driver in drivers:
+            lines = [
+                Row(f"{figure.what}{_behind(figure)}", (figure.of(driver)[1], *_values(ours)))
+                for figure in FIGURES
+                if figure.question in {"rq2", "rq3"} and all(ours := [figure.ours(r, driver) for r in each])
+            ]
+            if lines:
+                rows += [Row(driver, kind=RowKind.HEADING), *lines]
+    told = "; ".join(f"{name}: {_READINGS.get(name, 'see its preset')}" for name in results.readings)
+    notes = (f"What the paper leaves open is read so, by preset: {told}.",)
+    return Table("rq2_readings", "RQ2 and RQ3: the paper's figures in each reading of its mutation", tuple(columns),
+                 tuple(rows), "figure", notes)  # fmt: skip
+
+
+_READINGS = {
+    PAPER.name: "the steering angle is held for the whole clip",
+    PAPER_LATE.name: "from 1 s before the risky point to the clip's end",
+    PAPER_BRIEF.name: "for the clip's first second",
+}
+
+
+def _values(ours: list[Ours | None]) -> Iterator[Value]:
+    for own in ours:
+        yield own.value if own else None
+        yield _ends(own)
 
 
 def _behind(figure: PaperFigure) -> str:

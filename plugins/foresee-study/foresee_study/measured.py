@@ -49,18 +49,28 @@ class Child(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredClip:
-    """A clip, run unmutated, and its mutants. `position`: rank in its test case, from 0."""
+    """A clip, run unmutated, and its mutants.
+
+    `position`: rank in its test case, from 0. `at_s`: its risky point in the test case's time, s; None in files written
+    before this was recorded.
+    """
 
     position: int
     verdict: Verdict
     simulated_s: float
     wall_s: float
     children: tuple[Child, ...] = ()
+    at_s: float | None = None
 
 
 @dataclass(frozen=True)
 class MeasuredCase:
-    """A test case's unmutated run, and its clips; it has clips only if it passed."""
+    """A test case's unmutated run, and its clips; it has clips only if it passed.
+
+    `encounters_s`: times of all close encounters of this run, rising, s (step 1a of the forecaster: each least distance
+    to an actor within its class's radius); None in files written before this was recorded, and for a run that did not
+    pass.
+    """
 
     name: str
     family: str
@@ -70,6 +80,7 @@ class MeasuredCase:
     wall_s: float
     story: str = ""
     clips: tuple[MeasuredClip, ...] = ()
+    encounters_s: tuple[float, ...] | None = None
 
     @property
     def passed(self) -> bool:

@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 import hashlib
+import io
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.forecast.foresee import close_encounters
+from foresee_dsl.forecast.settings import ForeseeSettings
+from foresee_dsl.language.model import Clip, Quantity
+from foresee_dsl.language.parser import parse
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Story
 from foresee_study.halves import half_of
 from foresee_study.measured import AVOIDERS, Child, MeasuredCampaign, MeasuredCase, MeasuredClip
 
 
-def measure(stages: Stages, *, group: str, repetition: int) -> MeasuredCampaign:
-    """Return the stored results of a campaign; missing steps are left out."""
+def measure(stages: Stages, store: Store, *, group: str, repetition: int) -> MeasuredCampaign:
+    """Return the results of a campaign in its store; missing steps are left out."""
     settings = stages.settings
     result = assemble(stages, stages.out)
-    wall_s = {(node.step.kind, node.step.name): row.wall_s for node, row in stages.walk() if row is not None}
+    rows = {(node.step.kind, node.step.name): row for node, row in stages.walk() if row is not None}
+    wall_s = {step: row.wall_s for step, row in rows.items()}
     names = {node.case.id: node.step.name for node in stages.seeds}
     clips: dict[str, list[ClipOutcome]] = {}
     for clip in result.clips:  # sorted by test case and rank
@@ -32,6 +42,9 @@ def measure(stages: Stages, *, group: str, repetition: int) -> MeasuredCampaign:
             wall_s=round(wall_s["seed", names[seed.id]], 4),
             story=_story(seed.story, seed.family),
             clips=tuple(_clip(k, clip, wall_s) for k, clip in enumerate(clips.get(seed.id, ()))),
+            encounters_s=_encounters_s(store, rows["seed", names[seed.id]], settings)
+            if seed.verdict is Verdict.PASS
+            else None,
         )
         for seed in result.seeds
     )
@@ -64,7 +77,25 @@ def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]
         for child in clip.children
     )
     simulated_s, wall = round(clip.duration_s, 2), round(wall_s["clip", clip.name], 4)
-    return MeasuredClip(position, clip.verdict, simulated_s, wall, tuple(children))
+    return MeasuredClip(position, clip.verdict, simulated_s, wall, tuple(children), _risky_point_s(clip))
+
+
+def _risky_point_s(clip: ClipOutcome) -> float | None:
+    """Return the time of a clip's risky point in its test case, s."""
+    definition = parse(clip.text, clip.file).model
+    at = definition.risk.at if isinstance(definition, Clip) and definition.risk is not None else None
+    return at.si if isinstance(at, Quantity) else None
+
+
+def _encounters_s(store: Store, row: Row, settings: CampaignSettings) -> tuple[float, ...] | None:
+    """Return the times of all close encounters of a stored run (step 1a of the forecaster), s; None if its trace is not
+    stored."""
+    data = store.blobs.get(row.trace) if row.trace else None
+    if data is None:
+        return None
+    trace = Trace.load(io.BytesIO(data))
+    encounters = close_encounters(trace, ForeseeSettings(), before_s=settings.before_s)
+    return tuple(round(float(trace.time_s[encounter.frame]), 2) for encounter in encounters)
 
 
 def avoided_by(failure: ChildOutcome | CaseRunOutcome) -> str:

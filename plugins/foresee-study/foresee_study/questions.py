@@ -69,7 +69,8 @@ def _effectiveness(settings: StudySettings) -> Iterator[StudyCampaign]:
 
 
 def _comparison(settings: StudySettings) -> Iterator[StudyCampaign]:
-    yield from campaigns(settings, settings.rankers)
+    for preset in (settings.preset, *settings.readings):
+        yield from campaigns(replace(settings, preset=preset), settings.rankers)
 
 
 def _efficiency(settings: StudySettings) -> Iterator[StudyCampaign]:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import templates, write_whole
-from foresee_study.beside import beside, in_words
+from foresee_study.beside import beside, in_words, readings
 from foresee_study.figures import NoFiguresError, figures_of, write_figures
 from foresee_study.folder import Record, StudyFolder
 from foresee_study.halves import Half
@@ -33,7 +33,8 @@ TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
 
 def tables_of(name: str, results: Results) -> tuple[Table, ...]:
     """Return the tables of a question that have rows."""
-    return tuple(table for table in (beside(results, name), *TABLES[name](results)) if table.rows)
+    compared = (beside(results, name), *((readings(results),) if name == "rq2" else ()))
+    return tuple(table for table in (*compared, *TABLES[name](results)) if table.rows)
 
 
 def write_tables(tables: tuple[Table, ...], folder: StudyFolder) -> None:

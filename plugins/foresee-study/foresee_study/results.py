@@ -10,7 +10,7 @@ from foresee_study.folder import StudyFolder
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.halves import Half
 from foresee_study.measured import Counted, MeasuredCampaign
-from foresee_study.questions import CHOSEN_S
+from foresee_study.questions import CHOSEN_S, HEAVY_WEATHER
 from foresee_study.settings import BUNDLED, DRIVERS, EXHAUSTIVE, POINTS, RANKERS, SECOND_ITERATION
 from foresee_study.statistics import Pair
 
@@ -64,6 +64,12 @@ class Results:
         """The families of the bundled test cases, in the paper's order."""
         names = {case.family for m in self.campaigns if m.group == BUNDLED for case in m.cases}
         return tuple(sorted(names, key=lambda f: (not f.isdigit(), int(f) if f.isdigit() else 0, f)))
+
+    @cached_property
+    def readings(self) -> tuple[str, ...]:
+        """The presets of the question rq2, the study's own first; without heavy weather, which is rq5's."""
+        presets = {m.preset for m in self.campaigns} - {HEAVY_WEATHER}
+        return _ordered(presets, (self.preset,))
 
     @cached_property
     def towns(self) -> tuple[str, ...]:

@@ -162,7 +162,7 @@ class _Run:
         ran = run_missing(stages, work=self._work, store=self._store, listeners=self._listeners,
                           options=self._time_left(), minimise=False)  # fmt: skip
         self.broken += ran.broken
-        measured = measure(stages, group=wanted.group, repetition=wanted.repetition)
+        measured = measure(stages, self._store, group=wanted.group, repetition=wanted.repetition)
         self._folder.keep(wanted, measured)
         if ran.stopped:
             return None

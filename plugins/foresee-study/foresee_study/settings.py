@@ -42,6 +42,7 @@ class StudySettings:
             drivers it uses.
         seed: seed of the first repetition; each further repetition has the next seed.
         preset: preset of the mutations; results with `paper` are comparable with the paper's.
+        readings: further presets with which rq2 is asked, other readings of what the paper does not state.
         children: number of mutants per clip.
         against: the reference drivers; None: the default ones.
         fuzz_repetitions, fuzz_cycles, fuzz_mutations: settings of DriveFuzz, for rq4.
@@ -63,6 +64,7 @@ class StudySettings:
     fuzz_cycles: int = 10
     fuzz_mutations: int = 8
     towns: tuple[str, ...] = ()
+    readings: tuple[str, ...] = ()
 
     @property
     def searched(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foresee_study.beside import beside, in_words
+from foresee_study.beside import beside, in_words, readings
 from foresee_study.complementing import complement, split
 from foresee_study.curves import Curve, compared_areas, curve
 from foresee_study.folder import StudyFolder
@@ -25,7 +25,7 @@ from foresee_study.tables.complementarity import complementarity
 from foresee_study.tables.effectiveness import effectiveness
 from foresee_study.tables.efficiency import efficiency
 from foresee_study.tables.generality import generality
-from foresee_study.tables.rankers import comparison
+from foresee_study.tables.rankers import comparison, moments
 from foresee_study.tables.table import Column, Row, RowKind, Table
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -75,6 +75,34 @@ def test_six_test_cases_that_all_differ_are_more_than_chance_and_two_are_not() -
     assert float(found["permutation, Holm"]) >= float(found["p, permutation"])
     table = comparison(Results((made("foresee", 2), made("random", 0)), "paper"))[-1]
     assert float(rows_of(table)[0]["p, permutation"]) == 0.5
+
+
+def test_moments_are_counted_by_the_encounters_that_follow_within_a_second() -> None:
+    clips = tuple(
+        MeasuredClip(k, Verdict.PASS, 10.0, 0.2, (HIT if k < 2 else MISS,), at_s)
+        for k, at_s in enumerate((7.0, 7.6, 8.1, 5.0))
+    )
+    case = MeasuredCase("a", "7", Half.ODD, Verdict.PASS, 14.0, 0.5, clips=clips, encounters_s=(8.0, 12.0))
+    campaign = MeasuredCampaign("bundled", "pdm", "foresee", "paper", 5, 5, 4, 1, 0, 0, "test", (case,))
+    table = moments(Results((campaign,), "paper"))
+    assert rows_of(table)[0] == {
+        "part": "pdm", "ranker": "foresee", "moments": "4", "just before an encounter, %": "50",
+        "all seconds, %": "40",  # 7, 8, 11 and 12 of 5 to 14
+        "per encounter": "2", "children that fail, %, of these": "100", "children that fail, %, of the others": "0",
+    }  # fmt: skip
+    older = replace(campaign, cases=(replace(case, encounters_s=None),))
+    assert not moments(Results((older,), "paper")).rows, "files without encounters have no such table"
+
+
+def test_each_reading_of_the_paper_has_its_figures_beside_the_papers() -> None:
+    late = [made("foresee", 4, preset="paper_late"), made("random", 1, preset="paper_late")]
+    results = Results((made("foresee", 6), made("random", 4), *late), "paper")
+    assert results.readings == ("paper", "paper_late")
+    row = next(row for row in rows_of(readings(results)) if "random" in row["figure"] and "%" in row["figure"])
+    assert (row["paper, ours"], row["paper_late, ours"]) == ("50", "300")
+    assert not readings(Results((made("foresee", 6), made("random", 4)), "paper")).rows
+    wanted = wanted_by(["rq2"], StudySettings(drivers=("pdm",), rankers=("foresee",), readings=("paper_late",)))
+    assert {campaign.preset for campaign in wanted} == {"paper", "paper_late"}
 
 
 def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:

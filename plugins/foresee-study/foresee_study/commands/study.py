@@ -83,6 +83,13 @@ def study(
         ),
     ] = "1,1",
     preset: common.PresetOption = "paper",
+    readings: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PRESETS",
+            help="For rq2: further presets, other readings of the paper, such as paper_late,paper_brief.",
+        ),
+    ] = None,
     children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants per clip.")] = 4,
     against: Annotated[
         str | None,
@@ -156,6 +163,7 @@ def study(
         exhaustive_drivers=searched,
         seed=seed,
         preset=preset,
+        readings=presets_in(readings),
         children=children,
         against=None if against is None else tuple(name for name in names_in(against) if name != NOBODY),
         fuzz_repetitions=fuzz_repetitions,
@@ -312,6 +320,16 @@ def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) ->
 def names_in(text: str | None) -> tuple[str, ...]:
     """Return the names in a text that separates them by commas, each once; none without a text."""
     return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
+
+
+def presets_in(text: str | None) -> tuple[str, ...]:
+    """Return the presets with the names in a text that separates them by commas."""
+    from foresee_dsl.derive.presets import UnknownPresetError, preset
+
+    try:
+        return tuple(preset(name).name for name in names_in(text))
+    except UnknownPresetError as err:
+        raise typer.BadParameter(str(err), param_hint="--readings") from err
 
 
 def half_named(text: str | None) -> Half | None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterator
 from itertools import product
 
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, Verdict
-from foresee_study.measured import AVOIDERS, Counted, MeasuredCampaign, avoided
+from foresee_study.measured import AVOIDERS, Counted, MeasuredCampaign, MeasuredCase, avoided
 from foresee_study.results import TOGETHER, Results, mean, total
 from foresee_study.statistics import compare
 from foresee_study.tables.comparing import Compared, comparison_table
@@ -15,7 +17,7 @@ from foresee_study.tables.table import Column, Row, RowKind, Table, family_rows
 
 def comparison(results: Results) -> tuple[Table, ...]:
     """Return the tables of rq2."""
-    return (_by_kind(results), _by_family(results), _counted(results), _statistics(results))
+    return (_by_kind(results), _by_family(results), _counted(results), moments(results), _statistics(results))
 
 
 def shown_rankers(results: Results) -> tuple[str, ...]:
@@ -108,6 +110,74 @@ def _totals(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[float | None]:
     stories, avoidable = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]
     yield 100 * avoidable / stories if stories and avoidable is not None else None
     yield from (mean(avoided(m, who) for m in campaigns) for who in AVOIDERS)
+
+
+JUST_BEFORE_S = 1.0
+"""A risky point this long or less before an encounter is just before it, s. Ours: with clips of 10 s, the mutations of
+such a point act from 4 to 5 s before the encounter on."""
+
+
+def moments(results: Results) -> Table:
+    """Return where the rankers' risky points lie, relative to the close encounters of the same runs."""
+    columns = (
+        Column("moments"), Column("just before an encounter, %", digits=1), Column("all seconds, %", digits=1),
+        Column("per encounter"), Column("of these", ("children that fail, %",), 1),
+        Column("of the others", ("children that fail, %",), 1),
+    )  # fmt: skip
+    rows: list[Row] = []
+    for driver in results.drivers:
+        lines = [
+            Row(ranker, tuple(_before_encounters(campaigns)))
+            for ranker in shown_rankers(results)
+            if (campaigns := results.of_campaign(driver, ranker))
+            and all(case.encounters_s is not None for m in campaigns for case in m.usable)
+        ]
+        if lines:
+            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+    notes = (
+        "Encounters: the close encounters of step 1a, from which foresee chooses. Just before: at most "
+        f"{JUST_BEFORE_S:g} s before the next encounter, or at it. All seconds: the share of the whole seconds, from "
+        "the first clip's on, that lie so. Per encounter: moments with the same next encounter, within half a clip.",
+    )
+    return Table("rq2_moments", "RQ2: risky points and encounters", columns, tuple(rows), "ranker", notes)
+
+
+def _before_encounters(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[float | None]:
+    near: list[bool] = []
+    seconds: list[bool] = []
+    failed: dict[bool, list[bool]] = {True: [], False: []}
+    encounters: Counter[tuple[int, str, float]] = Counter()
+    for measured in campaigns:
+        for case in measured.usable:
+            whole = range(math.ceil(measured.before_s), math.floor(case.simulated_s) + 1)
+            seconds += [_is_just_before(_next_encounter_s(case, second), second) for second in whole]
+            for clip in case.clips:
+                if clip.at_s is None:
+                    continue
+                encounter_s = _next_encounter_s(case, clip.at_s)
+                near.append(_is_just_before(encounter_s, clip.at_s))
+                failed[near[-1]] += [child.verdict.is_failure for child in clip.children]
+                if encounter_s is not None and encounter_s - clip.at_s <= measured.after_s:
+                    encounters[measured.repetition, case.name, encounter_s] += 1
+    yield len(near) / len(campaigns)
+    yield _percent(near)
+    yield _percent(seconds)
+    yield mean(encounters.values())
+    yield _percent(failed[True])
+    yield _percent(failed[False])
+
+
+def _next_encounter_s(case: MeasuredCase, time_s: float) -> float | None:
+    """Return the time of the first encounter at a moment or after it."""
+    return min((at_s for at_s in case.encounters_s or () if round(at_s - time_s, 2) >= 0), default=None)
+
+
+def _is_just_before(encounter_s: float | None, time_s: float) -> bool:
+    return encounter_s is not None and round(encounter_s - time_s, 2) <= JUST_BEFORE_S
+
+
+def _percent(answers: list[bool]) -> float | None:
+    return 100 * sum(answers) / len(answers) if answers else None
 
 
 def _statistics(results: Results) -> Table:
