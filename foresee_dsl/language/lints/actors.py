@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import get_args
 
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
@@ -63,7 +63,7 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | No
     return None
 
 
-def _cannot_leave(action: m.Item, name: str, statements: set[type[m.Item]]) -> tuple[str, HelpText] | None:
+def _cannot_leave(action: m.Item, name: str, statements: Collection[type[m.Item]]) -> tuple[str, HelpText] | None:
     """Return why an actor cannot leave its track, and so cannot do what only an actor off its track does."""
     if m.Track not in statements:
         return f"'{name}' follows no track, so it cannot leave it", "name another actor, or " + remove("remove this")
