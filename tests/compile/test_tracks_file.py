@@ -35,7 +35,10 @@ def read(folder: Path, content: str | bytes) -> object:
         (HEAD + "0.00,7,1,inf,3,4\n", "y_m is 'inf', not a number from"),
         (HEAD + "0.00,7,1,2,3,400\n", "speed_mps is '400', not a number from -150 to 150"),
         (HEAD + "-1.00,7,1,2,3,4\n", "time_s -1 is below 0"),
-        (HEAD + "1.00,7,1,2,3,4\n0.50,8,1,2,3,4\n", "line 4 of .*: time_s 0.5 is earlier than that of the line before, 1"),
+        (
+            HEAD + "1.00,7,1,2,3,4\n0.50,8,1,2,3,4\n",
+            "line 4 of .*: time_s 0.5 is earlier than that of the line before, 1",
+        ),
         (HEAD + "1.00,7,1,2,3,4\n1.00,7,1,2,3,4\n", "line 4 of .*: actor '7' has a second line for time_s 1"),
         (HEAD + "0.00,,1,2,3,4\n", "the actor's name is empty"),
         (HEAD + '0.00,"7",1,2,3,4\n', "the actor's name is empty, or has quotes or invisible characters"),
@@ -95,7 +98,10 @@ def test_an_unknown_track_and_one_that_is_over(tmp_path: Path) -> None:
     found = errors(file)
     assert [d.code for d in found] == ["FS261", "FS261"]
     assert found[0].message == "the track 118 ends at 8 s, so v118 would never be there"
-    assert (found[1].message, found[1].help) == ("there is no track called p8", "write one of 112, 117, p9, parked, 118")
+    assert (found[1].message, found[1].help) == (
+        "there is no track called p8",
+        "write one of 112, 117, p9, parked, 118",
+    )
 
 
 def test_another_file_than_the_pinned_one(tmp_path: Path) -> None:

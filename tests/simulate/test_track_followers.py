@@ -157,7 +157,11 @@ def test_an_order_to_an_actor_on_its_track_has_no_effect_before_it_leaves(folder
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [
-        ("when time > 1 s { v117 leaves track }", "FS305", "'v117' follows its track to the end, so it cannot leave it"),
+        (
+            "when time > 1 s { v117 leaves track }",
+            "FS305",
+            "'v117' follows its track to the end, so it cannot leave it",
+        ),
         ("when time > 1 s { v117 stops }", "FS305", "'v117' follows its track to the end, so it cannot do this"),
         ("when v117.deviation > 1 m { v117 leaves }", "FS042", "only the ego deviates from its track: v117 follows"),
     ],

@@ -13,7 +13,7 @@ Sample = tuple[float, str, float, float, float, float]
 
 
 def samples() -> list[Sample]:
-    """Return 8 s at 10 Hz: the ego, a car that cuts in, one that appears at 2 s, a pedestrian until 4 s, a parked car."""
+    """Return 8 s at 10 Hz: the ego, a car that cuts in, one from 2 s on, a pedestrian until 4 s, a parked car."""
     rows: list[Sample] = []
     for k in range(81):
         t = k / 10
