@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
+from foresee_dsl.files import open_outside
 from foresee_dsl.plugins import PluginGroup
 from foresee_recordings.recording import Recording, RecordingError
 
@@ -71,7 +72,7 @@ def read(request: Request, format_: str = "") -> Recording:
     if format_:
         return _reader(format_).read(request)
     try:
-        head = b"" if path.is_dir() else path.open("rb").read(HEAD_BYTES)
+        head = b"" if path.is_dir() else _head_of(path)
     except OSError as err:
         raise RecordingError(f"{path} cannot be read: {err.strerror or err}") from err
     for name in READERS.names():
@@ -81,6 +82,11 @@ def read(request: Request, format_: str = "") -> Recording:
     raise RecordingError(
         f"{path}: no reader recognises this file; write --format with one of {', '.join(READERS.names())}"
     )
+
+
+def _head_of(path: Path) -> bytes:
+    with open_outside(path) as file:
+        return file.read(HEAD_BYTES)
 
 
 def _reader(name: str) -> Reader:
