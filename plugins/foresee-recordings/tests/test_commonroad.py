@@ -112,8 +112,8 @@ def test_adjacent_lanelets_become_one_edge(road: Recording, tmp_path: Path) -> N
     roads = roads_of(road, tmp_path)
     assert [len(edge.lanes) for edge in roads.edges.values()] == [2, 2]
     first, second = roads.edges["e1"].lanes
-    assert first.shape == ((0.0, 0.0), (100.0, 0.0))
-    assert second.shape == ((0.0, 3.5), (100.0, 3.5))
+    assert first.shape == ((0.1, 0.0), (99.9, 0.0))  # 0.1 m at each end lies inside the junction
+    assert second.shape == ((0.1, 3.5), (99.9, 3.5))
     assert first.speed_mps == 25.0
     assert first.width_m == 3.5
     assert route_of(road.track("30"), roads) == ("e1",)
@@ -128,7 +128,7 @@ def test_lanelets_that_cross_become_a_junction(tmp_path: Path) -> None:
     assert set(ways) == {("e10", "e12"), ("e20", "e22")}
     east, north = ways["e10", "e12"], ways["e20", "e22"]
     assert roads.junctions[east.junction].conflicts(east.index, north.index)
-    assert roads.lanes[east.via[0]].shape == ((-10.0, 0.0), (10.0, 0.0))
+    assert roads.lanes[east.via[0]].shape == ((-10.1, 0.0), (10.1, 0.0))
     assert east.tls is not None  # the signal at the approach
     assert route_of(recording.track("40"), roads) == ("e10", "e12")
     assert route_of(recording.track("41"), roads) == ("e20", "e22")
