@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
+from foresee_recordings.maps.roads_file import roads_of_file
 from foresee_recordings.readers.classes import Shape
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import FloatArray, RecordedMap, Recording, RecordingError, SignalTrack, Track
@@ -139,6 +140,7 @@ class Samples:
             shapes: the class and size of each actor; others are left out (the caller counts them).
             offset_m: the footprint's centre seen from a sample's position, ahead and left, m; None: the same place.
             source: the file that was read, if the request names a folder.
+            roads: the map in or beside the file; a map of the request is used instead.
 
         Raises:
             RecordingError: no sample is left, or the positions, times or speeds are in another unit.
@@ -157,6 +159,8 @@ class Samples:
                 tracks.append(self._track(name, form, motion, offset))
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
+        if self._request.map_file is not None:
+            roads = roads_of_file(self._request.map_file)
         return Recording(
             name_of(path), path, digest(path), format_, tuple(tracks), signals, roads, +self.left_out, tuple(self.notes)
         )
