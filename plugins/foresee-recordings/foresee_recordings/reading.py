@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
-from foresee_dsl.files import open_outside
 from foresee_dsl.plugins import PluginGroup
 from foresee_recordings.recording import Recording, RecordingError
+from foresee_recordings.sources import head_of
 
 READERS = PluginGroup("foresee_dsl.recordings", "format of recordings", RecordingError)
 HEAD_BYTES = 4096
@@ -48,7 +48,8 @@ class Reader(Protocol):
     what: ClassVar[str]
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (empty for a folder)."""
+        """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (unpacked if it
+        is a gzip file; empty for a folder)."""
         ...
 
     def read(self, request: Request) -> Recording:
@@ -71,10 +72,7 @@ def read(request: Request, format_: str = "") -> Recording:
         raise RecordingError(f"{path}: there is no such file")
     if format_:
         return _reader(format_).read(request)
-    try:
-        head = b"" if path.is_dir() else _head_of(path)
-    except OSError as err:
-        raise RecordingError(f"{path} cannot be read: {err.strerror or err}") from err
+    head = b"" if path.is_dir() else head_of(path, HEAD_BYTES)
     for name in READERS.names():
         reader = _reader(name)
         if reader.recognises(path, head):
@@ -82,11 +80,6 @@ def read(request: Request, format_: str = "") -> Recording:
     raise RecordingError(
         f"{path}: no reader recognises this file; write --format with one of {', '.join(READERS.names())}"
     )
-
-
-def _head_of(path: Path) -> bytes:
-    with open_outside(path) as file:
-        return file.read(HEAD_BYTES)
 
 
 def _reader(name: str) -> Reader:
