@@ -21,10 +21,13 @@ from foresee_recordings.maps.dividing import divide
 from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
 from foresee_recordings.maps.net_geometry import set_lines, simplified
-from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError
+from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError, Track
 
 SPEED_MPS = 50 / 3.6
 """Speed limit of lanes without one, m/s: the usual urban limit (Vienna Convention countries)."""
+_MOTOR = ("car", "van", "truck", "bus", "motorcycle")
+_FAST_PERCENT = 95.0
+"""Share of samples below the speed that a road without a limit allows, percent. Ours: single errors do not count."""
 _FAR_M = 1e5
 """Largest coordinate of a map that is not moved, m. Ours: above local maps, below UTM's (1e6 m)."""
 _LEAST_WIDTH_M = 0.5
@@ -122,6 +125,15 @@ def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS) -> RecordedMap:
         text = (folder / "net.net.xml").read_text(encoding="utf-8")
     x, y = (float(value) for value in frame.offset)
     return RecordedMap(text, ".net.xml", (x, y), tuple(_notes(lane_map, layout, speed_mps)))
+
+
+def usual_speed(tracks: Iterable[Track]) -> float:
+    """Return a speed limit for lanes without one, m/s: the usual urban one, or that of faster recorded vehicles."""
+    speeds = [track.states[:, 3] for track in tracks if track.kind in _MOTOR]
+    if not speeds:
+        return SPEED_MPS
+    fast = float(np.percentile(np.concatenate(speeds), _FAST_PERCENT))
+    return max(SPEED_MPS, math.ceil(fast * 3.6 / 10) * 10 / 3.6)
 
 
 def _offset(lanes: Iterable[Lane]) -> FloatArray:
