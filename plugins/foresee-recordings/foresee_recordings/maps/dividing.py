@@ -52,11 +52,15 @@ class Divided:
     left_out: Mapping[str, int]
 
 
-def divide(lanes: Mapping[str, Lane]) -> Divided:
-    """Divide a map. Lanes that cross others are cut before the first and behind the last crossing."""
+def divide(lanes: Mapping[str, Lane], *, junctions: bool = True) -> Divided:
+    """Divide a map. Lanes that cross others are cut before the first and behind the last crossing.
+
+    Args:
+        junctions: whether lanes that cross lie inside junctions.
+    """
     left_out: Counter[str] = Counter()
     lanes = _linked(lanes, left_out)
-    crossings = list(_crossings(lanes))
+    crossings = list(_crossings(lanes)) if junctions else []
     shares: dict[str, list[float]] = {}
     for pair, at in crossings:
         for id_, share in zip(pair, at, strict=True):

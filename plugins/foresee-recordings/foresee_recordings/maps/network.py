@@ -99,16 +99,17 @@ class _Frame:
         return self.speed_mps if lane.speed_mps is None else lane.speed_mps
 
 
-def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS) -> RecordedMap:
+def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS, *, junctions: bool = True) -> RecordedMap:
     """Return the SUMO network of a map of lanes; equal maps give equal bytes.
 
     Args:
         speed_mps: speed limit of lanes without one.
+        junctions: whether lanes that cross become a junction.
 
     Raises:
         RecordingError: netconvert refuses the map, or exceeds its limits.
     """
-    layout = layout_of(divide(lane_map.lanes))
+    layout = layout_of(divide(lane_map.lanes, junctions=junctions))
     if not layout.roads:
         raise RecordingError("the map has no road: all of its lanes lie inside one junction")
     frame = _Frame(_offset(lane_map.lanes.values()), speed_mps)
