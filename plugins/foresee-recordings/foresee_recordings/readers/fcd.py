@@ -70,7 +70,7 @@ class FcdReader:
         types: dict[str, str] = {}
         for timestep in children_of(request.path, "fcd-export", "SUMO's FCD output", RecordingError, limit=None):
             time_s = _number(request, timestep.get("time"), "the time of a timestep")
-            if time_s > request.ends_s:
+            if samples.is_over(time_s):
                 samples.wants("", time_s)
                 break
             for element in timestep:

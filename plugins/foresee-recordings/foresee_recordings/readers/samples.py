@@ -47,6 +47,7 @@ _CHECKED_STEPS = 50
 _SAME_M = 0.01
 """Two samples at one time that are nearer than this are the same, m. Ours: the last digit of most files."""
 _ROUNDING_S = 1e-6
+"""Times that differ by less are equal, s. Ours: data sets write milliseconds or nanoseconds."""
 
 
 class Samples:
@@ -60,7 +61,8 @@ class Samples:
 
     def __init__(self, request: Request) -> None:
         self._request = request
-        self._begins_s, self._ends_s, self._actors = request.begins_s, request.ends_s, request.actors
+        self._begins_s, self._ends_s = request.begins_s - _ROUNDING_S, request.ends_s + _ROUNDING_S
+        self._actors = request.actors
         self._buffers: dict[str, array[float]] = {}
         self._limit = round(most("recording"))
         self._room = self._limit
@@ -79,6 +81,14 @@ class Samples:
         if math.isnan(time_s):
             self.left_out["samples with a number that is not finite"] += 1
         return False
+
+    def covers(self, time_s: float) -> bool:
+        """Return whether a time is within the request."""
+        return self._begins_s <= time_s <= self._ends_s
+
+    def is_over(self, time_s: float) -> bool:
+        """Return whether a time is after the request's end, so that a file in the order of time is read no further."""
+        return time_s > self._ends_s
 
     def add(
         self, actor: str, time_s: float, x: float, y: float, heading: float = math.nan, speed: float = math.nan
@@ -170,7 +180,7 @@ class Samples:
         if self._last_s < self._first_s:
             return "it has no samples"
         times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
-        wanted = f"from {self._begins_s:g} s to {self._ends_s:g} s"
+        wanted = f"from {self._request.begins_s:g} s to {self._request.ends_s:g} s"
         actors = f" of {', '.join(sorted(self._actors)[:5])}" if self._actors else ""
         return f"no actor{actors} has two usable samples {wanted}; {times}"
 
