@@ -17,6 +17,7 @@ from foresee_dsl.compile.nets.netconvert import run_netconvert
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import environment
 from foresee_dsl.errors import CompileError
+from foresee_recordings.maps.conflicts import add_conflicts
 from foresee_recordings.maps.dividing import divide
 from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
@@ -121,7 +122,7 @@ def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS, *, junctions: bo
         except CompileError as err:
             raise RecordingError(f"the map of lanes cannot be converted: {err}") from err
         net = parse_net(folder / "net.net.xml")
-        set_lines(net, layout, lambda line: line + frame.offset)
+        add_conflicts(net, set_lines(net, layout, lambda line: line + frame.offset))
         write_net(net, folder / "net.net.xml")
         text = (folder / "net.net.xml").read_text(encoding="utf-8")
     x, y = (float(value) for value in frame.offset)
