@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foresee_recordings.exporting.formats import RunOptions, to_commonroad, to_fcd, to_levelx
+from foresee_recordings.exporting.formats import to_commonroad, to_fcd, to_levelx
+from foresee_recordings.exporting.options import RunOptions
 from foresee_recordings.readers.tables import table
 from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Recording

@@ -5,21 +5,9 @@ This module is imported for every help text, so heavy imports are inside the fun
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from foresee_dsl.exchange.outcome import Imported
-from foresee_dsl.exchange.protocol import AllowOutside, OutFolder, RunAddresses, RunDriver, RunSeed, Tell
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """Options of the exporters of runs."""
-
-    addresses: RunAddresses
-    out: OutFolder
-    driver: RunDriver = ""
-    seed: RunSeed = None
-    allow_outside: AllowOutside = False
+from foresee_dsl.exchange.protocol import Tell
+from foresee_recordings.exporting.options import RunOptions
 
 
 def to_fcd(options: RunOptions, tell: Tell) -> Imported:

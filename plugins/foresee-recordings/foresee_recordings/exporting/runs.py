@@ -14,7 +14,7 @@ from foresee_dsl.exchange.protocol import Tell
 from foresee_dsl.exchange.recorded import runs
 from foresee_dsl.files import templates
 from foresee_dsl.simulate.trace import Trace
-from foresee_recordings.exporting.formats import RunOptions
+from foresee_recordings.exporting.options import RunOptions
 from foresee_recordings.recording import Recording
 from foresee_recordings.traces import recording_of
 
