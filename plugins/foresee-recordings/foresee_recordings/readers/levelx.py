@@ -125,10 +125,11 @@ def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, f
 
 def _centres(rows: Table) -> Callable[[Sequence[str]], Sample]:
     """Return what makes a sample (x, y, heading, speed) of a row of inD, rounD, exiD or uniD."""
-    x, y, heading, vx, vy = rows.indices("xCenter", "yCenter", "heading", "xVelocity", "yVelocity")
+    x, y, heading = rows.indices("xCenter", "yCenter", "heading")
+    vx, vy = (rows.index(name) if name in rows.columns else None for name in ("xVelocity", "yVelocity"))
 
     def sample(row: Sequence[str]) -> Sample:
-        speed = math.hypot(number(row[vx]), number(row[vy]))
+        speed = math.nan if vx is None or vy is None else math.hypot(number(row[vx]), number(row[vy]))
         return number(row[x]), number(row[y]), math.radians(number(row[heading])), speed
 
     return sample
