@@ -81,7 +81,7 @@ def _tracks_file(request: Request) -> Path:
         files = [file for file in files if file.name.partition("_")[0].lstrip("0") == f"{wanted:g}".lstrip("0")]
     if len(files) != 1:
         names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
-        raise RecordingError(f"{path}: name one of its tables of tracks ({names})")
+        raise RecordingError(f"{path}: name one of its tables of tracks ({names}), or write --number recording=7")
     return files[0]
 
 
