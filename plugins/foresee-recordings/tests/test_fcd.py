@@ -123,6 +123,15 @@ def test_what_cannot_be_read_is_an_error(tmp_path: Path, text: str, message: str
         reading(tmp_path, text)
 
 
+def test_a_vehicle_and_a_person_may_have_one_name(tmp_path: Path) -> None:
+    person = '<person id="0" x="{}" y="0" angle="90" speed="1"/>'
+    steps = [(k, vehicle("0", 50 + 10 * k, 9) + person.format(k)) for k in range(4)]
+    tracks = reading(tmp_path, fcd(*steps)).tracks
+    assert [(track.id, track.kind, track.states[3, 1]) for track in tracks] == [
+        ("0", "car", 9.0), ("person_0", "pedestrian", 0.0),
+    ]  # fmt: skip
+
+
 def test_what_is_wrong_in_single_samples_is_counted(tmp_path: Path) -> None:
     def place(k: int) -> str:
         x = {5: 900.0, 8: math.nan}.get(k, 10.0 * k)

@@ -135,9 +135,9 @@ def test_what_a_table_has_not_is_derived_and_said(tmp_path: Path) -> None:
     [
         ({"x_m": "X"}, {}, r"has no column 'X'; its columns are n, who, east, north"),
         ({"width": "n"}, {}, r"there is no column 'width'; our names are time_s, "),
-        ({"frame": "n"}, {}, r"no column that is called like our actor and x_m and y_m: name it, as in actor=NAME"),
-        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {}, "frames per second as rate_hz"),
-        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {"rate_hz": 0.0}, "as rate_hz, above 0"),
+        ({"frame": "n"}, {}, r"like our actor and x_m and y_m: name it with --columns actor=NAME"),
+        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {}, "--number rate_hz=25"),
+        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {"rate_hz": 0.0}, "has frames and no times"),
     ],
 )
 def test_missing_columns_are_listed(

@@ -68,20 +68,23 @@ class FcdReader:
         """
         samples = Samples(request)
         types: dict[str, str] = {}
+        tags: dict[str, str] = {}
         for timestep in children_of(request.path, "fcd-export", "SUMO's FCD output", RecordingError, limit=None):
             time_s = _number(request, timestep.get("time"), "the time of a timestep")
             if samples.is_over(time_s):
                 samples.wants("", time_s)
                 break
             for element in timestep:
-                actor = element.get("id", "")
                 if element.tag not in _DEFAULT_TYPE:
                     samples.left_out["elements other than vehicles and persons"] += 1
-                elif (
-                    samples.wants(actor, time_s)
-                    and _add(request, samples, actor, time_s, element.attrib)
-                    and actor not in types
-                ):
+                    continue
+                id_ = element.get("id", "")
+                # Vehicles and persons have names of their own: both may have a `0`.
+                actor = id_ if tags.get(id_, element.tag) == element.tag else f"{element.tag}_{id_}"
+                if not samples.wants(actor, time_s) or not _add(request, samples, actor, time_s, element.attrib):
+                    continue
+                if actor not in types:
+                    tags.setdefault(id_, element.tag)
                     types[actor] = element.get("type") or _DEFAULT_TYPE[element.tag]
         return self._recording(request, samples, types)
 
@@ -173,4 +176,5 @@ def _defined_shape(file: Path, type_: Element) -> Shape | None:
         length_m, width_m = float(type_.get("length", length_m)), float(type_.get("width", width_m))
     except ValueError as err:
         raise RecordingError(f"{file}: type {type_.get('id')!r}: {err}") from None
-    return shape_of(kind if class_ else kind_of(type_.get("id", "")) or kind, length_m, width_m)
+    named = None if class_ in SUMO_SIZES_M else kind_of(type_.get("id", ""))
+    return shape_of(named or kind, length_m, width_m)

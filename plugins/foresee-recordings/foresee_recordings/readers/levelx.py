@@ -81,7 +81,7 @@ def _tracks_file(request: Request) -> Path:
         files = [file for file in files if file.name.partition("_")[0].lstrip("0") == f"{wanted:g}".lstrip("0")]
     if len(files) != 1:
         names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
-        raise RecordingError(f"{path}: name one of its tables of tracks ({names})")
+        raise RecordingError(f"{path}: name one of its tables of tracks ({names}), or write --number recording=7")
     return files[0]
 
 
@@ -125,10 +125,11 @@ def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, f
 
 def _centres(rows: Table) -> Callable[[Sequence[str]], Sample]:
     """Return what makes a sample (x, y, heading, speed) of a row of inD, rounD, exiD or uniD."""
-    x, y, heading, vx, vy = rows.indices("xCenter", "yCenter", "heading", "xVelocity", "yVelocity")
+    x, y, heading = rows.indices("xCenter", "yCenter", "heading")
+    vx, vy = (rows.index(name) if name in rows.columns else None for name in ("xVelocity", "yVelocity"))
 
     def sample(row: Sequence[str]) -> Sample:
-        speed = math.hypot(number(row[vx]), number(row[vy]))
+        speed = math.nan if vx is None or vy is None else math.hypot(number(row[vx]), number(row[vy]))
         return number(row[x]), number(row[y]), math.radians(number(row[heading])), speed
 
     return sample

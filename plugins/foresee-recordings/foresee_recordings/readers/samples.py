@@ -34,8 +34,9 @@ FASTEST_MPS = 100.0
 """Two samples that are farther apart than this speed allows are a jump, m/s. Ours: 360 km/h."""
 JUMP_M = 5.0
 """Shorter displacements are never jumps, m. Ours: at 25 Hz a noise of 4 m would already be 100 m/s."""
-_JUMPING_SHARE = 0.2
-"""Share of steps that are jumps from which on the unit of the positions or times must be wrong. Ours."""
+_JUMPING_SHARE, _JUMPS = 0.2, 5
+"""Share of steps that are jumps from which on the unit of the positions or times must be wrong, and the number of jumps
+that this needs. Ours."""
 _MOVING_MPS, _STEP_M = 1.0, 0.05
 """Speed from which on the unit of speeds is checked, m/s, and the displacement that shows a direction of motion, m.
 Ours: more than the noise of recorded positions (data sets state some centimetres)."""
@@ -232,7 +233,7 @@ class Samples:
 
     def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
         """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
-        if self._jumps > _JUMPING_SHARE * self._steps:
+        if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
             raise RecordingError(
                 f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
                 "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
