@@ -9,6 +9,7 @@ from typing import ClassVar, Protocol
 
 from foresee_dsl.plugins import PluginGroup
 from foresee_recordings.recording import Recording, RecordingError
+from foresee_recordings.sources import head_of
 
 READERS = PluginGroup("foresee_dsl.recordings", "format of recordings", RecordingError)
 HEAD_BYTES = 4096
@@ -47,7 +48,8 @@ class Reader(Protocol):
     what: ClassVar[str]
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (empty for a folder)."""
+        """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (unpacked if it
+        is a gzip file; empty for a folder)."""
         ...
 
     def read(self, request: Request) -> Recording:
@@ -62,18 +64,17 @@ class Reader(Protocol):
 def read(request: Request, format_: str = "") -> Recording:
     """Read a recording with the reader of this name, or with the one that recognises the file.
 
+    Without a name, a request with `columns` is read as a table.
+
     Raises:
         RecordingError: no reader recognises the file; or as `Reader.read` does.
     """
     path = request.path
     if not path.exists():
         raise RecordingError(f"{path}: there is no such file")
-    if format_:
-        return _reader(format_).read(request)
-    try:
-        head = b"" if path.is_dir() else path.open("rb").read(HEAD_BYTES)
-    except OSError as err:
-        raise RecordingError(f"{path} cannot be read: {err.strerror or err}") from err
+    if format_ or request.columns:
+        return _reader(format_ or "table").read(request)
+    head = b"" if path.is_dir() else head_of(path, HEAD_BYTES)
     for name in READERS.names():
         reader = _reader(name)
         if reader.recognises(path, head):
