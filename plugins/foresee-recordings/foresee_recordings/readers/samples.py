@@ -184,10 +184,12 @@ class Samples:
         """Return why no track is left."""
         if self._last_s < self._first_s:
             return "it has no samples"
-        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
-        wanted = f"from {self._request.begins_s:g} s to {self._request.ends_s:g} s"
         actors = f" of {', '.join(sorted(self._actors)[:5])}" if self._actors else ""
-        return f"no actor{actors} has two usable samples {wanted}; {times}"
+        first_s, last_s = max(self._request.begins_s, self._first_s), min(self._request.ends_s, self._last_s)
+        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
+        if first_s > last_s:
+            return f"it has no samples in the seconds that are requested; {times}"
+        return f"no actor{actors} has two usable samples from {first_s:g} s to {last_s:g} s; {times}"
 
     def _motions(self, actor: str) -> Iterator[FloatArray]:
         """Yield the parts of an actor's motion without gaps and jumps, each [N, 5]: time, x, y, heading, speed."""
