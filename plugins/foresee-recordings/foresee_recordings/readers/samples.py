@@ -148,6 +148,7 @@ class Samples:
         source: Path | None = None,
         signals: tuple[SignalTrack, ...] = (),
         roads: RecordedMap | None = None,
+        origin_m: tuple[float, float] = (0.0, 0.0),
     ) -> Recording:
         """Return the recording, and release the samples.
 
@@ -156,6 +157,7 @@ class Samples:
             offset_m: the footprint's centre seen from a sample's position, ahead and left, m; None: the same place.
             source: the file that was read, if the request names a folder.
             roads: the map in or beside the file; a map of the request is used instead.
+            origin_m: the origin of the positions in UTM, m, if the file has it.
 
         Raises:
             RecordingError: no sample is left, or the positions, times or speeds are in another unit.
@@ -175,7 +177,7 @@ class Samples:
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
         if self._request.map_file is not None:
-            roads = roads_of_file(self._request.map_file)
+            roads = roads_of_file(self._request.map_file, origin_m=origin_m)
         return Recording(
             name_of(path), path, digest(path), format_, tuple(tracks), signals, roads, +self.left_out, tuple(self.notes)
         )
