@@ -121,7 +121,7 @@ def network_of(
     """
     layout = layout_of(divide(lane_map.lanes, junctions=junctions))
     if not layout.roads:
-        raise RecordingError("the map has no road: all of its lanes lie inside one junction")
+        raise RecordingError("the map has no road for vehicles")
     frame = _Frame(_offset(lane_map.lanes.values()), speed_mps)
     with tempfile.TemporaryDirectory(prefix="foresee-lanes-") as name:
         folder = Path(name)

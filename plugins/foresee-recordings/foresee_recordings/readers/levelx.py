@@ -38,7 +38,7 @@ class LevelXReader:
     def read(self, request: Request) -> Recording:
         """Read a recording; of a folder with several, the one of `request.numbers["recording"]`."""
         tracks = _tracks_file(request)
-        rate_hz = _frame_rate(_beside(tracks, "recordingMeta"))
+        rate_hz, origin_m = _recording_meta(_beside(tracks, "recordingMeta"))
         samples = Samples(request)
         shapes, directions = _shapes(_beside(tracks, "tracksMeta"), samples)
         with table(tracks) as rows:
@@ -52,7 +52,7 @@ class LevelXReader:
                 except ValueError as err:
                     raise rows.error(f"a value is not a number ({err})") from None
         samples.check_shapes(shapes, "tracksMeta")
-        return samples.recording("levelx", shapes, source=tracks)
+        return samples.recording("levelx", shapes, source=tracks, origin_m=origin_m)
 
 
 def _tables_in(folder: Path) -> list[Path]:
@@ -85,7 +85,8 @@ def _tracks_file(request: Request) -> Path:
     return files[0]
 
 
-def _frame_rate(file: Path) -> float:
+def _recording_meta(file: Path) -> tuple[float, tuple[float, float]]:
+    """Return the frames per second, and the origin of the positions in UTM, m (highD has none: 0)."""
     with table(file) as rows:
         column = rows.index("frameRate")
         row = next(rows.rows, None)
@@ -94,7 +95,12 @@ def _frame_rate(file: Path) -> float:
         rate_hz = number(row[column]) if row[column].strip().replace(".", "").isdigit() else math.nan
         if not 0 < rate_hz < math.inf:
             raise rows.error(f"frameRate is {row[column][:40]!r}, not a number above 0")
-        return rate_hz
+        names = [name for name in ("xUtmOrigin", "yUtmOrigin") if name in rows.columns]
+        try:
+            origin = [number(row[rows.index(name)]) for name in names]
+        except ValueError as err:
+            raise rows.error(f"a value is not a number ({err})") from None
+        return rate_hz, ((origin[0], origin[1]) if len(origin) == 2 and all(map(math.isfinite, origin)) else (0.0, 0.0))
 
 
 def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float]]:
