@@ -1,0 +1,207 @@
+"""Situations for which the language has no words: cut-ins, turns across oncoming traffic, crossing paths.
+
+They are found in the geometry of tracks alone, so that recordings without a map can be searched too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from foresee_dsl.simulate.results.footprints import HORIZON_S
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_recordings.mining.crossings import Crossing, crossings
+from foresee_recordings.mining.measures import Beside, column, gap
+from foresee_recordings.mining.rows import EGO, EGO_KINDS, Rows, rows_of
+from foresee_recordings.mining.situation import Occurrence
+from foresee_recordings.mining.traffic import HEADING, SPEED, Traffic
+
+CUT_IN_HEADWAY_S = 2.0
+"""Largest time gap at a cut-in, s. Ours: the distance that driving schools teach; a driver with a larger one need not
+react."""
+CUT_IN_LATERAL_M = 0.3
+"""Smallest lateral gap before a cut-in, m. Ours: less is lost in the noise of recorded positions."""
+CUT_IN_INSIDE_M = 1.0
+"""Largest distance of the other's centre from the ego's way after a cut-in, m. Ours: more than the usual wander in a
+lane (0.3 m), less than the 1.75 m at which a car is half in the next lane."""
+CUT_IN_LASTS_S = 4.0
+"""Longest time from the gap to the middle of the way, s. Ours: lane changes on motorways take 3 s to 8 s, and the part
+from the lane marking to the middle about half of that."""
+SAME_WAY_RAD = math.radians(30)
+"""Largest difference of headings of actors that drive in one direction, rad. Ours: a lane change turns by less than 10
+degrees, also slow ones in towns."""
+MOVES_MPS = 2.0
+"""Smallest speed of both actors of a cut-in, m/s. Ours: slower ones are parking or inching in a queue."""
+BEYOND_TRACK_M = 30.0
+"""Farthest place beyond the end of the ego's track that counts as on its way, m. Ours: a way's straight continuation is
+wrong farther ahead in bends."""
+TURN_RAD = math.radians(50)
+"""Smallest change of heading of a turn, rad. Ours: bends of roads turn by less over the length of a junction."""
+STRAIGHT_RAD = math.radians(25)
+"""Largest change of heading of an actor that goes straight on, rad. Ours."""
+ONCOMING_RAD = math.radians(135)
+"""Smallest difference of headings of oncoming actors before the turn, rad. Ours: within 45 degrees of opposite."""
+LOW_PET_S = 1.5
+"""Post-encroachment time of a conflict, s. Ours: as the bound of the time to collision."""
+NEAR_MISS_PET_S = 1.0
+"""Post-encroachment time of a near miss, s. Ours."""
+
+
+def cut_ins(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
+    """Yield cut-ins: an actor comes from the side onto the ego's way, close ahead of it."""
+    for rows in rows_of(traffic, (EGO, "other"), within_m):
+        ahead = rows.at(_may_be_ahead(rows))
+        for group in np.unique(ahead.group).tolist():
+            yield from _cut_ins(ahead.at(ahead.group == group))
+
+
+def _may_be_ahead(rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return at which rows both actors move in one direction, with a gap of a cut-in or less."""
+    turned = column(rows, "other", HEADING) - column(rows, EGO, HEADING)
+    fast = (column(rows, EGO, SPEED) > MOVES_MPS) & (column(rows, "other", SPEED) > MOVES_MPS)
+    reach_m = np.maximum(column(rows, EGO, SPEED), MOVES_MPS) * CUT_IN_HEADWAY_S + 20.0
+    same_way: np.ndarray[tuple[int], np.dtype[np.bool_]] = fast & (np.cos(turned) > math.cos(SAME_WAY_RAD))
+    same_way[same_way] = gap(rows.at(same_way), EGO, "other") < reach_m[same_way]
+    return same_way
+
+
+def _cut_ins(rows: Rows) -> Iterator[Occurrence]:
+    traffic, frames = rows.traffic, rows.frames
+    ego, other = int(rows.actors[EGO][0]), int(rows.actors["other"][0])
+    if traffic.tracks[other].kind in ("pedestrian", "obstacle"):
+        return
+    beside = Beside(rows, EGO, "other")
+    way = traffic.way(ego)
+    inside = beside.lateral <= 0.0
+    longest = round(CUT_IN_LASTS_S / STEP_S)
+    for k in (np.flatnonzero(inside[1:] & ~inside[:-1]) + 1).tolist():
+        if frames[k] - frames[k - 1] > 1:
+            continue
+        ahead_m, speed = float(beside.gap_ahead[k]), float(traffic.states[rows.states[EGO][k], SPEED])
+        beyond_m = way.own_s[rows.states[EGO][k] - traffic.start[ego]] + ahead_m - way.own_s[-1]
+        if not 0.0 < ahead_m <= CUT_IN_HEADWAY_S * speed or beyond_m > BEYOND_TRACK_M:
+            continue
+        low, high = max(k - longest, 0), min(k + longest, len(frames))
+        clear = np.flatnonzero(beside.lateral[low:k] >= CUT_IN_LATERAL_M)
+        within = np.flatnonzero(np.abs(beside.left[k:high]) <= CUT_IN_INSIDE_M)
+        if not len(clear) or not len(within) or not inside[k : k + int(within[0])].all():
+            continue
+        yield Occurrence(
+            ego,
+            (other,),
+            int(frames[low + clear[-1]]),
+            int(frames[k + int(within[0])]),
+            int(frames[k]),
+            {"gap_m": ahead_m, "headway_s": ahead_m / speed},
+            f"{{0}} cuts in {ahead_m:.1f} m before {{ego}}, {ahead_m / speed:.2f} s ahead",
+        )
+        return
+
+
+def low_pets(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
+    """Yield pairs that pass a place shortly after each other in different directions; the ego is the second one."""
+    del within_m  # crossings are found at any distance
+    yield from _passings(traffic, LOW_PET_S)
+
+
+def nearly_touching(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
+    """Yield pairs as `low_pets` does, with two thirds of its time between them."""
+    del within_m
+    yield from _passings(traffic, NEAR_MISS_PET_S)
+
+
+def _passings(traffic: Traffic, longest_s: float) -> Iterator[Occurrence]:
+    for crossing in crossings(traffic, longest_s):
+        for ego, other in ((crossing.second, crossing.first), (crossing.first, crossing.second)):
+            if traffic.tracks[ego].kind in EGO_KINDS:
+                yield _passing(crossing, ego, other, "{0}" if ego == crossing.second else "{ego}")
+                break
+
+
+def _passing(crossing: Crossing, ego: int, other: int, first: str) -> Occurrence:
+    """Return a crossing as an occurrence; `first`: the actor that passes first, for the sentence."""
+    second = "{ego}" if first == "{0}" else "{0}"
+    return Occurrence(
+        ego,
+        (other,),
+        min(crossing.leaves, crossing.reaches),
+        max(crossing.leaves, crossing.reaches),
+        crossing.reaches,
+        {"pet_s": crossing.pet_s},
+        f"{second} reaches a place {crossing.pet_s:.2f} s after {first} has left it",
+    )
+
+
+def crossing_pedestrians(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
+    """Yield pedestrians who cross the ego's way at most 5 s before or after it passes."""
+    del within_m
+    for crossing in crossings(traffic, HORIZON_S):
+        for ego, other in ((crossing.first, crossing.second), (crossing.second, crossing.first)):
+            if traffic.tracks[ego].kind in EGO_KINDS and traffic.tracks[other].kind == "pedestrian":
+                before = other == crossing.first
+                when = f"{crossing.pet_s:.2f} s {'before' if before else 'after'}"
+                moment = crossing.leaves if before else crossing.reaches
+                yield Occurrence(
+                    ego,
+                    (other,),
+                    min(crossing.leaves, crossing.reaches),
+                    max(crossing.leaves, crossing.reaches),
+                    moment,
+                    {"pet_s": crossing.pet_s},
+                    f"{{0}} crosses the way of {{ego}} {when} it passes",
+                )
+
+
+def unprotected_lefts(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
+    """Yield egos that turn left across the way of an oncoming vehicle, at most 5 s before or after it passes."""
+    del within_m
+    for crossing in crossings(traffic, HORIZON_S):
+        for ego, other in ((crossing.first, crossing.second), (crossing.second, crossing.first)):
+            frame = crossing.leaves if ego == crossing.first else crossing.reaches
+            passes = crossing.reaches if ego == crossing.first else crossing.leaves
+            if traffic.tracks[ego].kind not in EGO_KINDS or traffic.tracks[other].kind in ("pedestrian", "obstacle"):
+                continue
+            turn = turned_rad(traffic, ego, frame)
+            if turn < TURN_RAD or abs(turned_rad(traffic, other, passes)) > STRAIGHT_RAD:
+                continue
+            before = _heading_before(traffic, ego, frame)
+            against = math.remainder(_heading_before(traffic, other, passes) - before, math.tau)
+            if abs(against) < ONCOMING_RAD:
+                continue
+            when = f"{crossing.pet_s:.2f} s {'before' if ego == crossing.first else 'after'}"
+            yield Occurrence(
+                ego,
+                (other,),
+                min(frame, passes),
+                max(frame, passes),
+                frame,
+                {"pet_s": crossing.pet_s, "turn_deg": math.degrees(turn)},
+                f"{{ego}} turns left across the way of {{0}}, {when} it passes",
+            )
+
+
+def turned_rad(traffic: Traffic, actor: int, frame: int) -> float:
+    """Return by how much an actor turns around a frame, rad, left positive."""
+    return _heading_after(traffic, actor, frame) - _heading_before(traffic, actor, frame)
+
+
+def _heading_before(traffic: Traffic, actor: int, frame: int) -> float:
+    return _heading_of_way(traffic, actor, frame, -1)
+
+
+def _heading_after(traffic: Traffic, actor: int, frame: int) -> float:
+    return _heading_of_way(traffic, actor, frame, 1)
+
+
+TURN_M = 25.0
+"""Length of the way before and after a place over which a turn is measured, m. Ours: a left turn at a junction of two
+lanes each way is 20 m to 40 m long."""
+
+
+def _heading_of_way(traffic: Traffic, actor: int, frame: int, sign: int) -> float:
+    """Return the heading of an actor's way some metres before or after its place at a frame, rad, continuous."""
+    way = traffic.way(actor)
+    s = float(way.own_s[frame - traffic.first[actor]]) + sign * TURN_M
+    return float(np.interp(s, way.along, way.heading))

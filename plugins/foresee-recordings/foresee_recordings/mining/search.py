@@ -1,0 +1,126 @@
+"""Searches a recording for situations: conditions and named ones, once each, with measures and sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_recordings.mining import kernels
+from foresee_recordings.mining.named import SITUATIONS, situation_of
+from foresee_recordings.mining.query import Query
+from foresee_recordings.mining.situation import Occurrence, Situation, shown
+from foresee_recordings.mining.traffic import ACCELERATION, SPEED, Traffic
+
+NEAR_M = 100.0
+"""Actors whose centres never come nearer to the ego's are not compared with it, m. Ours: 2 s at 180 km/h."""
+_SAME_S = 1.0
+"""Situations of one kind, of the same actors, whose moments are less apart are one, s. Ours: a reaction time."""
+FIND = "find"
+"""Name of the situations of a condition."""
+
+
+def search(
+    traffic: Traffic, conditions: Sequence[str] = (), names: Sequence[str] = (), *, within_m: float = NEAR_M
+) -> tuple[Situation, ...]:
+    """Return the situations in a recording, by time.
+
+    Args:
+        traffic: the recording. conditions: conditions of the language. names: names of situations; all named ones
+            without conditions and names.
+        within_m: actors that never come nearer to the ego than this are not compared with it, m.
+
+    Raises:
+        RecordingError: a condition or a name cannot be searched for.
+    """
+    queries = [Query.of(text) for text in conditions]
+    chosen = [(name, situation_of(name)) for name in names or (() if conditions else SITUATIONS)]
+    situations: list[Situation] = []
+    for number, query in enumerate(queries, 1):
+        name = FIND if len(queries) == 1 else f"{FIND}_{number}"
+        situations += (situation(traffic, name, o) for o in _once(traffic, query.occurrences(traffic, within_m)))
+    for name, named in chosen:
+        situations += (situation(traffic, name, o) for o in _once(traffic, named.occurrences(traffic, within_m)))
+    return tuple(sorted(situations, key=lambda s: (s.moment_s, s.name, s.ego, s.others)))
+
+
+def criticality(found: Situation) -> tuple[float, float]:
+    """Return what situations are ranked by: the smaller the more critical."""
+    ttc = min(found.measures.get("ttc_s", math.inf), found.measures.get("pet_s", math.inf))
+    return ttc, found.measures.get("distance_m", math.inf)
+
+
+def _once(traffic: Traffic, occurrences: Iterable[Occurrence]) -> list[Occurrence]:
+    """Leave out occurrences of the same actors at the same time; of two egos, the faster one remains."""
+    kept: list[Occurrence] = []
+    by_actors: dict[frozenset[int], list[int]] = {}
+    for occurrence in occurrences:
+        places = by_actors.setdefault(frozenset((occurrence.ego, *occurrence.others)), [])
+        same = next((k for k in places if _same(kept[k], occurrence)), None)
+        if same is None:
+            places.append(len(kept))
+            kept.append(occurrence)
+        elif _speed(traffic, occurrence) > _speed(traffic, kept[same]):
+            kept[same] = occurrence
+    return kept
+
+
+def _same(a: Occurrence, b: Occurrence) -> bool:
+    steps = _SAME_S / STEP_S
+    return abs(a.moment - b.moment) < steps or (a.first <= b.last and b.first <= a.last)
+
+
+def _speed(traffic: Traffic, occurrence: Occurrence) -> float:
+    row = traffic.rows(occurrence.ego, np.array([occurrence.moment]))
+    return float(traffic.states[row, SPEED][0])
+
+
+def situation(traffic: Traffic, name: str, occurrence: Occurrence) -> Situation:
+    """Return an occurrence with ids, times, measures and its sentence."""
+    actors = (occurrence.ego, *occurrence.others)
+    tracks = [traffic.tracks[k] for k in actors]
+    called = [f"{track.kind} {track.id}" for track in tracks]
+    measures = {**occurrence.measures, **_measures(traffic, occurrence)}
+    words = occurrence.words.format(*called[1:], ego=called[0]) if occurrence.words else ""
+    if not words:
+        listed = ", ".join(shown(key, value) for key, value in measures.items() if math.isfinite(value))
+        words = f"{' and '.join(called)}: {listed}"
+    return Situation(
+        name=name,
+        ego=tracks[0].id,
+        others=tuple(track.id for track in tracks[1:]),
+        kinds=tuple(track.kind for track in tracks),
+        begins_s=traffic.time_s(occurrence.first),
+        ends_s=traffic.time_s(occurrence.last),
+        moment_s=traffic.time_s(occurrence.moment),
+        measures={key: value for key, value in measures.items() if math.isfinite(value)},
+        sentence=words,
+    )
+
+
+def _measures(traffic: Traffic, occurrence: Occurrence) -> dict[str, float]:
+    """Return the smallest distance and time to collision, the hardest braking, and the ego's speed at the moment."""
+    frames = np.arange(occurrence.first, occurrence.last + 1)
+    ego = traffic.rows(occurrence.ego, np.intersect1d(frames, _present(traffic, occurrence.ego)))
+    measures = {"speed_mps": _speed(traffic, occurrence)}
+    braking = -float(traffic.states[ego, ACCELERATION].min()) if len(ego) else 0.0
+    if braking > 0:
+        measures["braking_mps2"] = braking
+    for other in occurrence.others:
+        common = np.intersect1d(
+            frames, np.intersect1d(_present(traffic, occurrence.ego), _present(traffic, other)), assume_unique=False
+        )
+        if not len(common):
+            continue
+        rows = traffic.rows(occurrence.ego, common), traffic.rows(other, common)
+        for key, kernel in (("distance_m", kernels.gaps), ("ttc_s", kernels.times_to_touch)):
+            out = np.empty(len(common))
+            kernel(traffic.states, traffic.sizes, *rows, out)
+            measures[key] = min(measures.get(key, math.inf), float(out.min()))
+    return measures
+
+
+def _present(traffic: Traffic, actor: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    return np.arange(traffic.first[actor], traffic.last[actor] + 1)
