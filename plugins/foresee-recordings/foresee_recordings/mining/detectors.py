@@ -16,7 +16,8 @@ from foresee_recordings.mining.crossings import Crossing, crossings
 from foresee_recordings.mining.measures import Beside, column, gap
 from foresee_recordings.mining.rows import EGO, EGO_KINDS, Rows, rows_of
 from foresee_recordings.mining.situation import Occurrence
-from foresee_recordings.mining.traffic import HEADING, SPEED, Traffic
+from foresee_recordings.mining.traffic import HEADING, SPEED, Traffic, X, Y
+from foresee_recordings.recording import FloatArray
 
 CUT_IN_HEADWAY_S = 2.0
 """Largest time gap at a cut-in, s. Ours: the distance that driving schools teach; a driver with a larger one need not
@@ -34,6 +35,11 @@ SAME_WAY_RAD = math.radians(30)
 degrees, also slow ones in towns."""
 MOVES_MPS = 2.0
 """Smallest speed of both actors of a cut-in, m/s. Ours: slower ones are parking or inching in a queue."""
+SWERVE_S, SWERVE_M = 3.0, 20.0
+"""Length of a path before and after the place of a cut-in in which a lane change is looked for: in s at the ego's speed,
+and the least in m. Ours: half the time of a slow lane change."""
+_FEWEST = 5
+"""Fewest points of a path to which an arc is fitted."""
 BEYOND_TRACK_M = 30.0
 """Farthest place beyond the end of the ego's track that counts as on its way, m. Ours: a way's straight continuation is
 wrong farther ahead in bends."""
@@ -88,6 +94,9 @@ def _cut_ins(rows: Rows) -> Iterator[Occurrence]:
         within = np.flatnonzero(np.abs(beside.left[k:high]) <= CUT_IN_INSIDE_M)
         if not len(clear) or not len(within) or not inside[k : k + int(within[0])].all():
             continue
+        place = traffic.states[rows.states["other"][k], :2]
+        if swerve_m(traffic, other, place, speed) <= swerve_m(traffic, ego, place, speed):
+            continue  # the ego itself changes to the lane of the other
         yield Occurrence(
             ego,
             (other,),
@@ -98,6 +107,28 @@ def _cut_ins(rows: Rows) -> Iterator[Occurrence]:
             f"{{0}} cuts in {ahead_m:.1f} m before {{ego}}, {ahead_m / speed:.2f} s ahead",
         )
         return
+
+
+def swerve_m(traffic: Traffic, actor: int, place: FloatArray, speed_mps: float) -> float:
+    """Return how far an actor's path around a place is from an arc, m (root of the mean square): a lane change is not
+    an arc, a bend of the road nearly is.
+
+    Args:
+        traffic: the recording. actor: number of the actor. place: [2] m. speed_mps: determines the length of the path.
+    """
+    xy = traffic.part(actor)[:, [X, Y]]
+    away = np.hypot(*(xy - place).T)
+    reach_m = max(SWERVE_S * speed_mps, SWERVE_M)
+    near = xy[away <= reach_m]
+    if len(near) < _FEWEST:
+        return 0.0
+    ahead = near[-1] - near[0]
+    ahead = ahead / max(float(np.hypot(*ahead)), 1e-6)
+    along, left = (near - place) @ ahead, (near - place) @ np.array([-ahead[1], ahead[0]])
+    if np.ptp(along) < SWERVE_M / 2:
+        return 0.0
+    fit = np.polynomial.Polynomial.fit(along, left, 2)
+    return float(np.sqrt(np.mean((left - fit(along)) ** 2)))
 
 
 def low_pets(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
