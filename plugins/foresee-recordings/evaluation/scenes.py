@@ -167,8 +167,8 @@ def hard_braking(planted: bool, rng: Generator) -> Scene:
 
 
 def closing(ttc_s: float | None, rng: Generator) -> Scene:
-    """An ego that nears a slower car, and begins to brake at a time to collision, which becomes a quarter smaller before
-    it has braked to its speed; None: it passes by, in the next lane."""
+    """An ego that nears a slower car, and begins to brake at a time to collision, which becomes a quarter smaller
+    before it has braked to its speed; None: it passes by, in the next lane."""
     road, v = a_road(rng), rng.uniform(12, 30)
     speed = v - rng.uniform(5, 10)
     nearest = rng.uniform(6, 9)
@@ -230,9 +230,7 @@ def passing(pet_s: float, angle_rad: float, rng: Generator, second: tuple[str, f
     order = [0, 1] if rng.random() < 0.5 else [1, 0]
     sine, cosine = abs(math.sin(angle_rad)), abs(math.cos(angle_rad))
     # Half the length of way over which an actor touches the strip that the other's body sweeps.
-    half = [
-        (what[1 - k][2] + what[k][2] * cosine) / (2 * sine) + what[k][1] / 2 for k in (0, 1)
-    ]
+    half = [(what[1 - k][2] + what[k][2] * cosine) / (2 * sine) + what[k][1] / 2 for k in (0, 1)]
     first, then = order
     middle = rng.uniform(6, 8)
     times = {first: middle, then: middle + half[first] / speeds[first] + pet_s + half[then] / speeds[then]}
@@ -278,7 +276,7 @@ def left_turn() -> FloatArray:
 
 
 def unprotected_left(planted: bool, rng: Generator) -> Scene:
-    """A left turn across the way of an oncoming car, within about 0.6 to 3.5 s; else later, or other turns and crossings."""
+    """A left turn across the way of an oncoming car, within about 0.6 to 3.5 s; else later, or another movement."""
     line = left_turn()
     oncoming = np.array([(-1.75, 160.0), (-1.75, -160.0)])
     speed, other_speed = rng.uniform(5, 8), rng.uniform(8, 15)

@@ -17,7 +17,7 @@ from foresee_dsl.language.model.conditions import MEASURED
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_recordings.mining.measures import Beside, gap, values
+from foresee_recordings.mining.measures import BETWEEN, Beside, gap, values
 from foresee_recordings.mining.rows import Rows
 from foresee_recordings.mining.traffic import HEADING, IntArray, Traffic, X, Y
 from foresee_recordings.recording import FloatArray, RecordingError
@@ -65,7 +65,7 @@ def check(condition: m.Condition) -> None:
             needed, quantity = MEASURED[part.left.what], quantity_of(part.right)
             if quantity.dimension != needed:
                 raise RecordingError(f"`{text}` compares a {needed} with a {quantity.dimension}")
-            if part.left.what in ("eta", "offset"):
+            if part.left.what not in (*BETWEEN, "time", "speed", "acceleration"):
                 raise RecordingError(f"`{text}` cannot be searched for: recorded actors have no planned route")
         elif isinstance(part, m.Within):
             if not isinstance(part.of, m.Named | m.Point):

@@ -36,8 +36,8 @@ degrees, also slow ones in towns."""
 MOVES_MPS = 2.0
 """Smallest speed of both actors of a cut-in, m/s. Ours: slower ones are parking or inching in a queue."""
 SWERVE_S, SWERVE_M = 3.0, 20.0
-"""Length of a path before and after the place of a cut-in in which a lane change is looked for: in s at the ego's speed,
-and the least in m. Ours: half the time of a slow lane change."""
+"""Length of a path before and after the place of a cut-in in which a lane change is looked for: in s at the ego's
+speed, and the least in m. Ours: half the time of a slow lane change."""
 _FEWEST = 5
 """Fewest points of a path to which an arc is fitted."""
 BEYOND_TRACK_M = 30.0

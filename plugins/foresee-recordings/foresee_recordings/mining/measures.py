@@ -11,6 +11,7 @@ import numpy as np
 
 from foresee_dsl.kernels.conditions import STILL_MPS
 from foresee_dsl.language import model as m
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import word_of
 from foresee_dsl.simulate.results.metrics import SLOWEST_MPS
 from foresee_dsl.simulate.trace import STEP_S
@@ -32,12 +33,9 @@ def values(measure: m.Measure, rows: Rows) -> FloatArray:
             return np.asarray(rows.traffic.begins_s + rows.frames * STEP_S, dtype=np.float64)
         case "speed" | "acceleration":
             return column(rows, name, SPEED if measure.what == "speed" else ACCELERATION)
-        case "eta" | "offset":
-            raise RecordingError(f"{measure.what} cannot be searched for: recorded actors have no planned route")
-        case "distance" | "ttc" | "headway" | "lateral" | "overlap" | "ttc_along" | "relative_speed":
-            if other not in rows.states:
-                raise RecordingError(f"{measure.what}({name}, {other}) cannot be searched for: {other} is not an actor")
-            return _BETWEEN[measure.what](rows, name, other)
+    if measure.what in BETWEEN and other in rows.states:
+        return BETWEEN[measure.what](rows, name, other)
+    raise RecordingError(f"{written(measure)} cannot be searched for: a recording does not say it")
 
 
 def column(rows: Rows, name: str, which: int) -> FloatArray:
@@ -116,7 +114,7 @@ class Beside:
         return np.where(gap_m <= 0, 0.0, times)
 
 
-_BETWEEN: dict[str, Callable[[Rows, str, str], FloatArray]] = {
+BETWEEN: dict[str, Callable[[Rows, str, str], FloatArray]] = {
     "distance": gap,
     "ttc": _ttc,
     "headway": _headway,
@@ -125,3 +123,4 @@ _BETWEEN: dict[str, Callable[[Rows, str, str], FloatArray]] = {
     "ttc_along": lambda rows, name, other: Beside(rows, name, other).time_s,
     "relative_speed": _relative_speed,
 }
+"""Measures between two actors, by their word."""

@@ -22,10 +22,18 @@ class Named:
     Attributes:
         what: one line for the list of situations.
         search: a condition, or a detector; a tuple: any of several.
+        words: the sentence about a place where the condition holds, with `{ego}`, `{0}` and measures; detectors have
+            their own.
     """
 
     what: str
     search: str | Detector | tuple[str | Detector, ...]
+    words: str = ""
+
+    @property
+    def condition(self) -> str:
+        """The condition to search for; empty if a detector searches."""
+        return self.search if isinstance(self.search, str) else ""
 
     def occurrences(self, traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
         """Yield where it happens."""
@@ -44,7 +52,9 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
         # Ours: harder than comfortable braking (2 to 3 m/s^2), long enough to be no error of tracking, and faster than
         # the last metres before a stop in a queue.
         "hard_braking": Named(
-            "the ego brakes with more than 4 m/s^2", "ego.acceleration < -4 m/s^2 for 0.3 s and ego.speed > 3 m/s"
+            "the ego brakes with more than 4 m/s^2",
+            "ego.acceleration < -4 m/s^2 for 0.3 s and ego.speed > 3 m/s",
+            "{ego} brakes with {braking_mps2:.1f} m/s^2",
         ),
         "unprotected_left": Named(
             "the ego turns left across the way of an oncoming vehicle, within 5 s of it", detectors.unprotected_lefts
@@ -53,22 +63,30 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
             "a pedestrian crosses the ego's way, within 5 s of its passing", detectors.crossing_pedestrians
         ),
         # 1.5 s: Gettman et al., "Surrogate Safety Assessment Model and Validation" (FHWA-HRT-08-051, 2008), the default
-        # for a conflict. 0.2 s is ours: a single sample with a wrong heading is no conflict.
+        # for a conflict. 0.2 s is ours: a single sample with a wrong heading is no conflict. Boxes that
+        # overlap are left out: in recordings they are errors of sizes, and a real contact is found before it happens.
         "low_ttc": Named(
-            "two actors would touch within 1.5 s", "ttc(ego, other) < 1.5 s for 0.2 s and ego.speed > 1 m/s"
+            "two actors would touch within 1.5 s",
+            "(ttc(ego, other) < 1.5 s and distance(ego, other) > 0 m) for 0.2 s and ego.speed > 1 m/s",
+            "{ego} and {0} would touch within {ttc_s:.2f} s",
         ),
         "low_pet": Named("two actors pass a place within 1.5 s of each other, crossing", detectors.low_pets),
         # 0.9 s: the distance from which Germany fines drivers (BKatV, table 2 of the annex: less than half of half the
         # speedometer's value in metres). The speed and the time are ours: without queues, and no passing moment.
         "short_headway": Named(
             "the ego follows an actor with less than 0.9 s",
-            "headway(ego, other) < 0.9 s for 2 s and ego.speed > 5 m/s and other ahead of ego "
-            "and lateral(ego, other) <= 0 m and relative_speed(ego, other) < 5 m/s",
+            "(headway(ego, other) < 0.9 s and distance(ego, other) > 0 m) for 2 s and ego.speed > 5 m/s "
+            "and other ahead of ego and lateral(ego, other) <= 0 m and relative_speed(ego, other) < 5 m/s",
+            "{ego} follows {0} with {headway_s:.2f} s",
         ),
         # Ours: two thirds of the bounds for a conflict.
         "near_miss": Named(
             "two actors would touch within 1 s, or pass a place within 1 s of each other",
-            ("ttc(ego, other) < 1 s for 0.2 s and ego.speed > 1 m/s", detectors.nearly_touching),
+            (
+                "(ttc(ego, other) < 1 s and distance(ego, other) > 0 m) for 0.2 s and ego.speed > 1 m/s",
+                detectors.nearly_touching,
+            ),
+            "{ego} and {0} would touch within {ttc_s:.2f} s",
         ),
     }
 )

@@ -9,11 +9,12 @@ import numpy as np
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
+from foresee_dsl.language.model.conditions import MEASURED
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.conditions import HOLDS, check, names_in, truths
-from foresee_recordings.mining.measures import values
+from foresee_recordings.mining.measures import BETWEEN, values
 from foresee_recordings.mining.rows import EGO, Rows, rows_of
 from foresee_recordings.mining.situation import Occurrence
 from foresee_recordings.mining.traffic import IntArray, Traffic
@@ -21,6 +22,7 @@ from foresee_recordings.recording import FloatArray, RecordingError
 
 MERGED_S = 1.0
 """A condition that holds again within this time continues the same situation, s. Ours: a reaction time."""
+_END = {"length": "m", "time": "s", "speed": "mps"}
 _BEFORE = "foresee 1\n\nscenario query {\n  expect never "
 
 
@@ -76,7 +78,18 @@ class Query:
             others = tuple(int(inside.actors[name][0]) for name in self.names if name != EGO)
             frames = inside.frames
             moment = int(frames[self._decisive(inside)])
-            yield Occurrence(int(inside.actors[EGO][0]), others, int(frames[0]), int(frames[-1]), moment)
+            ego = int(inside.actors[EGO][0])
+            yield Occurrence(ego, others, int(frames[0]), int(frames[-1]), moment, self._measures(inside))
+
+    def _measures(self, rows: Rows) -> dict[str, float]:
+        """Return the worst value of each measure between actors that the condition compares, by name and unit."""
+        measures: dict[str, float] = {}
+        for part in parts(self.condition):
+            if isinstance(part, m.Comparison) and isinstance(part.left, m.Measure) and part.left.what in BETWEEN:
+                measured = values(part.left, rows)
+                worst = np.nanmin(measured) if part.op[0] == "<" else np.nanmax(measured)
+                measures.setdefault(f"{part.left.what}_{_END[MEASURED[part.left.what]]}", float(worst))
+        return measures
 
     def _decisive(self, rows: Rows) -> int:
         """Return the row at which the first comparison of a measure holds by the most; the first row without one."""

@@ -11,13 +11,14 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining import kernels
 from foresee_recordings.mining.named import SITUATIONS, situation_of
 from foresee_recordings.mining.query import Query
-from foresee_recordings.mining.situation import Occurrence, Situation, shown
+from foresee_recordings.mining.situation import Occurrence, Situation
 from foresee_recordings.mining.traffic import ACCELERATION, SPEED, Traffic
 
 NEAR_M = 100.0
 """Actors whose centres never come nearer to the ego's are not compared with it, m. Ours: 2 s at 180 km/h."""
 _SAME_S = 1.0
 """Situations of one kind, of the same actors, whose moments are less apart are one, s. Ours: a reaction time."""
+_HOLDS = "the condition holds for {all} from {begins_s:.2f} s to {ends_s:.2f} s"
 FIND = "find"
 """Name of the situations of a condition."""
 
@@ -40,16 +41,24 @@ def search(
     situations: list[Situation] = []
     for number, query in enumerate(queries, 1):
         name = FIND if len(queries) == 1 else f"{FIND}_{number}"
-        situations += (situation(traffic, name, o) for o in _once(traffic, query.occurrences(traffic, within_m)))
+        found = _once(traffic, query.occurrences(traffic, within_m))
+        situations += (situation(traffic, name, occurrence, _HOLDS) for occurrence in found)
     for name, named in chosen:
-        situations += (situation(traffic, name, o) for o in _once(traffic, named.occurrences(traffic, within_m)))
+        found = _once(traffic, named.occurrences(traffic, within_m))
+        situations += (situation(traffic, name, occurrence, named.words) for occurrence in found)
     return tuple(sorted(situations, key=lambda s: (s.moment_s, s.name, s.ego, s.others)))
 
 
-def criticality(found: Situation) -> tuple[float, float]:
-    """Return what situations are ranked by: the smaller the more critical."""
-    ttc = min(found.measures.get("ttc_s", math.inf), found.measures.get("pet_s", math.inf))
-    return ttc, found.measures.get("distance_m", math.inf)
+def most_critical(situations: Sequence[Situation], most: int) -> tuple[Situation, ...]:
+    """Return the situations with the least time to collision or post-encroachment time, then distance; by time."""
+    chosen = sorted(situations, key=_criticality)[:most]
+    return tuple(sorted(chosen, key=lambda s: (s.moment_s, s.name, s.ego, s.others)))
+
+
+def _criticality(situation: Situation) -> tuple[float, float]:
+    measures = situation.measures
+    soon_s = min(measures.get("ttc_s", math.inf), measures.get("pet_s", math.inf))
+    return soon_s, measures.get("distance_m", math.inf)
 
 
 def _once(traffic: Traffic, occurrences: Iterable[Occurrence]) -> list[Occurrence]:
@@ -77,26 +86,25 @@ def _speed(traffic: Traffic, occurrence: Occurrence) -> float:
     return float(traffic.states[row, SPEED][0])
 
 
-def situation(traffic: Traffic, name: str, occurrence: Occurrence) -> Situation:
-    """Return an occurrence with ids, times, measures and its sentence."""
+def situation(traffic: Traffic, name: str, occurrence: Occurrence, words: str) -> Situation:
+    """Return an occurrence with ids, times, measures and its sentence, which is made of `words` if it has none."""
     actors = (occurrence.ego, *occurrence.others)
     tracks = [traffic.tracks[k] for k in actors]
     called = [f"{track.kind} {track.id}" for track in tracks]
     measures = {**occurrence.measures, **_measures(traffic, occurrence)}
-    words = occurrence.words.format(*called[1:], ego=called[0]) if occurrence.words else ""
-    if not words:
-        listed = ", ".join(shown(key, value) for key, value in measures.items() if math.isfinite(value))
-        words = f"{' and '.join(called)}: {listed}"
+    begins_s, ends_s = traffic.time_s(occurrence.first), traffic.time_s(occurrence.last)
+    fields = {"ego": called[0], "all": " and ".join(called), "begins_s": begins_s, "ends_s": ends_s, **measures}
+    sentence = (occurrence.words or words).format(*called[1:], **fields)
     return Situation(
         name=name,
         ego=tracks[0].id,
         others=tuple(track.id for track in tracks[1:]),
         kinds=tuple(track.kind for track in tracks),
-        begins_s=traffic.time_s(occurrence.first),
-        ends_s=traffic.time_s(occurrence.last),
+        begins_s=begins_s,
+        ends_s=ends_s,
         moment_s=traffic.time_s(occurrence.moment),
         measures={key: value for key, value in measures.items() if math.isfinite(value)},
-        sentence=words,
+        sentence=sentence,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from foresee_dsl.documents import rounded
 
-UNITS = {"_m": "m", "_s": "s", "_mps": "m/s", "_mps2": "m/s^2"}
+UNITS = {"_m": "m", "_s": "s", "_mps": "m/s", "_mps2": "m/s^2", "_deg": "deg"}
 """Units of measures by the end of their names."""
 
 
@@ -18,7 +18,7 @@ class Occurrence:
     Attributes:
         ego, others: numbers of the actors. first, last: the frames during which it happens. moment: its decisive frame.
         measures: values by name; the name ends with the unit (`UNITS`).
-        words: the sentence about it, with `{ego}`, `{0}`, `{1}` for the actors; empty: a general one.
+        words: the sentence about it, with `{ego}`, `{0}`, `{1}` for the actors; empty: that of the search.
     """
 
     ego: int
