@@ -126,16 +126,18 @@ class NotOrdinaryError(OSError):
     """A path leads to a pipe, a device or a socket, so reading it may never end."""
 
 
-def open_outside(file: Path, limit: str = "file") -> BinaryIO:
+def open_outside(file: Path, limit: str | None = "file") -> BinaryIO:
     """Open a file that may come from another person, for reading bytes; every such file is opened here.
 
     A pipe or a device may have no end or block for ever, so only ordinary files are opened. A file of the system, such
     as `/proc/kmsg`, may block as well; such files claim a size of 0, so nothing is read from a file of size 0.
 
+    Args:
+        limit: a name of `limits.LIMITS`, in MB; None for a file that is read piece by piece in bounded memory.
+
     Raises:
         NotOrdinaryError: it is a pipe, a device or a socket, or a link to one.
-        OSError: the file cannot be read, is a folder, or is larger than `limit` (a name of `limits.LIMITS`, in MB)
-            allows; `strerror` has the reason.
+        OSError: the file cannot be read, is a folder, or is larger than `limit` allows; `strerror` has the reason.
     """
     _check_ordinary(file.stat(), file, limit)  # opening a device may already have an effect
     wanted = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -198,14 +200,14 @@ def unpacked_within(limit: str, packed: bytes) -> bytes:
     return data
 
 
-def _check_ordinary(facts: os.stat_result, file: Path, limit: str) -> int:
+def _check_ordinary(facts: os.stat_result, file: Path, limit: str | None) -> int:
     """Return the size of an ordinary file in bytes; raise for other files and for files beyond the limit."""
     if stat.S_ISDIR(facts.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
     if not stat.S_ISREG(facts.st_mode):
         raise NotOrdinaryError(errno.EINVAL, "it is not an ordinary file", str(file))
     size_mb = facts.st_size / 1e6
-    if size_mb > most(limit):
+    if limit is not None and size_mb > most(limit):
         allowed = f"it has {size_mb:,.{0 if size_mb >= 10 else 1}f} MB, more than the {most(limit):g} MB that are read"
         raise OSError(errno.EFBIG, f"{allowed}; {raised_by(limit, size_mb)}", str(file))
     return facts.st_size

@@ -64,13 +64,18 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
     return root
 
 
-def children_of(path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError) -> Iterator[Element]:
+def children_of(
+    path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError, limit: str | None = "file"
+) -> Iterator[Element]:
     """Yield the elements below the root of an XML file, each with its contents, and then release their memory.
 
     The file may therefore have more elements than fit into memory; otherwise it works as `parse_xml`.
+
+    Args:
+        limit: None for a file of any size.
     """
     with _as_errors(path, what, error):
-        pieces = _pieces_of(path, error, keep=False)
+        pieces = _pieces_of(path, error, keep=False, limit=limit)
         _check_root(path, next(pieces), tag, what, error)
         for element in pieces:
             element.tag = element.tag.rpartition("}")[2]
@@ -110,12 +115,12 @@ def unreadable(path: Path, err: OSError, error: type[ForeseeError] = CompileErro
     return error(f"{path} cannot be read: {err.strerror or err}{advice}")
 
 
-def open_packed(path: Path, error: type[ForeseeError] = CompileError) -> BinaryIO:
-    """Open a file; a file in gzip format is decompressed while it is read, up to the limit `file`."""
-    file = open_outside(path)
+def open_packed(path: Path, error: type[ForeseeError] = CompileError, limit: str | None = "file") -> BinaryIO:
+    """Open a file; a file in gzip format is decompressed while it is read, up to the limit (None: of any size)."""
+    file = open_outside(path, limit)
     packed = file.read(len(_GZIP)) == _GZIP
     file.seek(0)
-    return cast(BinaryIO, _Unpacked(path, file, error)) if packed else file
+    return cast(BinaryIO, _Unpacked(path, file, error, limit)) if packed else file
 
 
 def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
@@ -125,13 +130,16 @@ def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
 
 
 class _Unpacked(RawIOBase):
-    """A decompressing file, which raises an error beyond the limit `file`."""
+    """A decompressing file, which raises an error beyond a limit."""
 
-    def __init__(self, path: Path, packed: BinaryIO, error: type[ForeseeError]) -> None:
+    def __init__(self, path: Path, packed: BinaryIO, error: type[ForeseeError], limit: str | None) -> None:
         from gzip import GzipFile  # imported here: most commands read no compressed file
 
         self._packed, self._file = packed, GzipFile(fileobj=packed)
-        self._path, self._error, self._read = path, error, 0
+        self._path, self._error, self._read, self._limit = path, error, 0, limit
+
+    def readable(self) -> bool:
+        return True
 
     def close(self) -> None:
         self._file.close()
@@ -139,13 +147,15 @@ class _Unpacked(RawIOBase):
         super().close()
 
     def read(self, size: int | None = -1) -> bytes:
-        rest = round(most("file") * 1e6) - self._read + 1
+        if self._limit is None:
+            return self._file.read(size)
+        rest = round(most(self._limit) * 1e6) - self._read + 1
         data = self._file.read(rest if size is None or size < 0 else min(size, rest))
         self._read += len(data)
         if len(data) == rest:
             raise self._error(
-                f"{self._path} has more than {most('file'):g} MB when it is unpacked: cut out the part that is needed; "
-                f"{raised_by('file')}"
+                f"{self._path} has more than {most(self._limit):g} MB when it is unpacked: cut out the part that is "
+                f"needed; {raised_by(self._limit)}"
             )
         return data
 
@@ -167,7 +177,7 @@ class _Pieces:
         return data
 
 
-def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool) -> Iterator[Element]:
+def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool, limit: str | None = "file") -> Iterator[Element]:
     """Parse a file, and check its depth and size meanwhile; yield its root, then the elements below the root.
 
     `keep`: the root keeps these elements.
@@ -176,7 +186,7 @@ def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool) -> Iterator
 
     depth = count = attributes = 0
     root: Element | None = None
-    with open_packed(path, error) as file:
+    with open_packed(path, error, limit) as file:
         pieces = _Pieces(path, file, error)
         for event, element in iterparse(pieces, events=("start", "end")):
             pieces.pending = 0

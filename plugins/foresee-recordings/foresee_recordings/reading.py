@@ -9,6 +9,7 @@ from typing import ClassVar, Protocol
 
 from foresee_dsl.plugins import PluginGroup
 from foresee_recordings.recording import Recording, RecordingError
+from foresee_recordings.sources import head_of
 
 READERS = PluginGroup("foresee_dsl.recordings", "format of recordings", RecordingError)
 HEAD_BYTES = 4096
@@ -47,7 +48,8 @@ class Reader(Protocol):
     what: ClassVar[str]
 
     def recognises(self, path: Path, head: bytes) -> bool:
-        """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (empty for a folder)."""
+        """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (unpacked if it
+        is a gzip file; empty for a folder)."""
         ...
 
     def read(self, request: Request) -> Recording:
@@ -70,10 +72,7 @@ def read(request: Request, format_: str = "") -> Recording:
         raise RecordingError(f"{path}: there is no such file")
     if format_:
         return _reader(format_).read(request)
-    try:
-        head = b"" if path.is_dir() else path.open("rb").read(HEAD_BYTES)
-    except OSError as err:
-        raise RecordingError(f"{path} cannot be read: {err.strerror or err}") from err
+    head = b"" if path.is_dir() else head_of(path, HEAD_BYTES)
     for name in READERS.names():
         reader = _reader(name)
         if reader.recognises(path, head):

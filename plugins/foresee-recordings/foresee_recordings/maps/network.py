@@ -1,0 +1,198 @@
+"""Builds the SUMO network of a map of lanes, with netconvert."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
+from foresee_dsl.compile.templates import environment
+from foresee_dsl.errors import CompileError
+from foresee_recordings.maps.dividing import divide
+from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
+from foresee_recordings.maps.lanes import Lane, LaneMap
+from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError
+
+SPEED_MPS = 50 / 3.6
+"""Speed limit of lanes without one, m/s: the usual urban limit (Vienna Convention countries)."""
+_FAR_M = 1e5
+"""Largest coordinate of a map that is not moved, m. Ours: above local maps, below UTM's (1e6 m)."""
+_LEAST_WIDTH_M = 0.5
+"""Smallest width of a lane, m. Ours: lanes may begin or end with a width of 0."""
+_OPTIONS = (  # of netconvert 1.28
+    *("--no-internal-links", "false"),  # vehicles follow lanes inside junctions
+    *("--offset.disable-normalization", "true"),  # coordinates stay those of the file
+    *("--no-turnarounds", "true"),
+    *("--precision", "3"),  # millimetres
+    *("--no-warnings", "true"),
+)
+_PRIORITIES = {"priority": 3, "": 2, "yield": 1, "stop": 1}
+"""SUMO's priority of an edge by the right of way at its end."""
+_ALLOW = {"road": "", "bus": "bus", "bicycle": "bicycle", "shoulder": ""}
+"""SUMO's classes that may use a lane; "" for all (a shoulder is closed)."""
+_STRIP_TYPES = {"road": "", "bus": "bus_lane", "bicycle": "cycle_lane", "shoulder": "shoulder"}
+"""The core's types of lanes that are part of the carriageway and not for cars."""
+_TEMPLATES = Path(__file__).parent.parent / "templates"
+
+
+class _Node(NamedTuple):
+    id: str
+    at: tuple[float, float]
+    type: str
+
+
+class _PlainLane(NamedTuple):
+    width: float
+    speed: float
+    allow: str
+    closed: bool
+    type: str
+    shape: list[tuple[float, float]]
+
+
+class _PlainEdge(NamedTuple):
+    id: str
+    start: str
+    end: str
+    priority: int
+    speed: float
+    shape: list[tuple[float, float]]
+    lanes: list[_PlainLane]
+
+
+class _PlainConnection(NamedTuple):
+    start: tuple[str, int]
+    end: tuple[str, int]
+    speed: float | None
+    shape: list[tuple[float, float]] | None
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """The shift of the map to the network, m, and the speed limit of lanes without one, m/s."""
+
+    offset: FloatArray
+    speed_mps: float
+
+    def points(self, line: FloatArray) -> list[tuple[float, float]]:
+        return [(float(x), float(y)) for x, y in line + self.offset]
+
+    def speed(self, lane: Lane) -> float:
+        return self.speed_mps if lane.speed_mps is None else lane.speed_mps
+
+
+def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS) -> RecordedMap:
+    """Return the SUMO network of a map of lanes; equal maps give equal bytes.
+
+    Args:
+        speed_mps: speed limit of lanes without one.
+
+    Raises:
+        RecordingError: netconvert refuses the map, or exceeds its limits.
+    """
+    layout = layout_of(divide(lane_map.lanes))
+    if not layout.roads:
+        raise RecordingError("the map has no road: all of its lanes lie inside one junction")
+    frame = _Frame(_offset(lane_map.lanes.values()), speed_mps)
+    with tempfile.TemporaryDirectory(prefix="foresee-lanes-") as name:
+        folder = Path(name)
+        files = _write_plain(folder, layout, frame)
+        try:
+            run_netconvert([*files, *_OPTIONS, "--output-file", "net.net.xml"], folder)
+        except CompileError as err:
+            raise RecordingError(f"the map of lanes cannot be converted: {err}") from err
+        text = without_header((folder / "net.net.xml").read_bytes()).decode("utf-8")
+    x, y = (float(value) for value in frame.offset)
+    return RecordedMap(text, ".net.xml", (x, y), tuple(_notes(lane_map, layout, speed_mps)))
+
+
+def _offset(lanes: Iterable[Lane]) -> FloatArray:
+    """Return the shift that brings a map that is far from the origin there, in whole metres."""
+    points = np.concatenate([lane.centre for lane in lanes])
+    if np.abs(points).max() < _FAR_M:
+        return np.zeros(2)
+    offset: FloatArray = -np.floor(points.min(axis=0))
+    return offset
+
+
+def _write_plain(folder: Path, layout: Layout, frame: _Frame) -> list[str]:
+    """Write netconvert's input files; return the options that name them."""
+    from_edges = {way.start[0] for way in layout.ways}
+    contents: dict[str, dict[str, object]] = {
+        "nodes.nod.xml": {"nodes": _nodes(layout, frame)},
+        "edges.edg.xml": {"edges": [_edge(road, frame) for road in layout.roads]},
+        "connections.con.xml": {
+            "connections": [_connection(way, frame) for way in layout.ways],
+            "dead_ends": [road.id for road in layout.roads if road.id not in from_edges],
+        },
+    }
+    jinja = environment(str(_TEMPLATES))
+    for name, values in contents.items():
+        text = jinja.get_template(f"{name}.j2").render(**values)
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    options = ("--node-files", "--edge-files", "--connection-files")
+    return [word for option, name in zip(options, contents, strict=True) for word in (option, name)]
+
+
+def _nodes(layout: Layout, frame: _Frame) -> list[_Node]:
+    types = _node_types(layout.roads)
+    return [
+        _Node(f"j{number}", frame.points(np.array([at]))[0], types.get(number, "priority"))
+        for number, at in layout.places.items()
+    ]
+
+
+def _node_types(roads: Iterable[Road]) -> Mapping[int, str]:
+    """Return SUMO's types of the junctions that roads lead to, by what stands at their lanes' ends."""
+    ends: dict[int, list[Lane]] = {}
+    for road in roads:
+        ends.setdefault(road.end, []).extend(road.lanes)
+    return {number: _node_type(lanes) for number, lanes in ends.items()}
+
+
+def _node_type(lanes: list[Lane]) -> str:
+    if any(lane.signal for lane in lanes):
+        return "traffic_light"
+    if all(lane.way == "stop" for lane in lanes):
+        return "allway_stop"
+    return "priority_stop" if any(lane.way == "stop" for lane in lanes) else "priority"
+
+
+def _edge(road: Road, frame: _Frame) -> _PlainEdge:
+    lanes = [
+        _PlainLane(
+            width=max(lane.width_m, _LEAST_WIDTH_M),
+            speed=frame.speed(lane),
+            allow=_ALLOW[lane.type],
+            closed=lane.type == "shoulder",
+            type=_STRIP_TYPES[lane.type],
+            shape=frame.points(lane.centre),
+        )
+        for lane in road.lanes
+    ]
+    middle = road.lanes[len(road.lanes) // 2].centre
+    priority = min(_PRIORITIES[lane.way] for lane in road.lanes)
+    speed = max(lane.speed for lane in lanes)
+    return _PlainEdge(road.id, f"j{road.start}", f"j{road.end}", priority, speed, frame.points(middle), lanes)
+
+
+def _connection(way: Way, frame: _Frame) -> _PlainConnection:
+    shape = None if way.shape is None or len(way.shape) < 2 else frame.points(way.shape)
+    return _PlainConnection(way.start, way.end, way.speed_mps if shape else None, shape)
+
+
+def _notes(lane_map: LaneMap, layout: Layout, speed_mps: float) -> Iterable[str]:
+    yield from lane_map.notes
+    for left_out in (lane_map.left_out, layout.left_out):
+        for what, count in left_out.items():
+            yield f"left out of the map: {count} {what}"
+    without = sum(lane.speed_mps is None for lane in lane_map.lanes.values())
+    if without:
+        kmh = math.ceil(speed_mps * 3.6)
+        yield f"{without} of {len(lane_map.lanes)} lanes have no speed limit: {kmh} km/h is assumed for them"

@@ -1,0 +1,148 @@
+"""The data sets inD, rounD, exiD, uniD (centres, headings in degrees) and highD (boxes in an image, y downwards).
+
+A recording is three tables: `NN_tracks.csv`, `NN_tracksMeta.csv` and `NN_recordingMeta.csv`. Sources: the pages of
+levelxdata.com on the formats, and Krajewski et al., "The highD Dataset", ITSC 2018.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from foresee_recordings.readers.classes import Shape, kind_of, shape_of
+from foresee_recordings.readers.samples import Samples
+from foresee_recordings.readers.tables import Table, number, table
+from foresee_recordings.reading import Request
+from foresee_recordings.recording import Recording, RecordingError
+
+_TRACKS = re.compile(r"(?P<number>.*)_tracks\.csv(?P<packed>\.gz)?")
+_MOVING_MPS = 1.0
+"""Speed from which on a vehicle of highD, which has no headings, points in the direction of its velocity, m/s. Ours."""
+Sample = tuple[float, float, float, float]
+
+
+class LevelXReader:
+    """The data sets of levelXdata."""
+
+    what: ClassVar[str] = "inD, rounD, exiD, uniD, highD: NN_tracks.csv with its two Meta tables, or their folder"
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        """Return whether a file is a table of tracks with its Meta tables beside it, or a folder has one."""
+        if path.is_dir():
+            return bool(_tables_in(path))
+        return _TRACKS.fullmatch(path.name) is not None and _beside(path, "tracksMeta").exists()
+
+    def read(self, request: Request) -> Recording:
+        """Read a recording; of a folder with several, the one of `request.numbers["recording"]`."""
+        tracks = _tracks_file(request)
+        rate_hz = _frame_rate(_beside(tracks, "recordingMeta"))
+        samples = Samples(request)
+        shapes, directions = _shapes(_beside(tracks, "tracksMeta"), samples)
+        with table(tracks) as rows:
+            sample_of = _centres(rows) if "xCenter" in rows.columns else _boxes(rows, directions)
+            frame, actor = rows.indices("frame", "trackId" if "trackId" in rows.columns else "id")
+            for row in rows.rows:
+                try:
+                    name, time_s = row[actor], float(row[frame]) / rate_hz
+                    if samples.wants(name, time_s):
+                        samples.add(name, time_s, *sample_of(row))
+                except ValueError as err:
+                    raise rows.error(f"a value is not a number ({err})") from None
+        samples.check_shapes(shapes, "tracksMeta")
+        return samples.recording("levelx", shapes, source=tracks)
+
+
+def _tables_in(folder: Path) -> list[Path]:
+    """Return the tables of tracks in a folder, or in its folder `data`, with their Meta tables, by name."""
+    files = [*folder.glob("*_tracks.csv*"), *(folder / "data").glob("*_tracks.csv*")]
+    return sorted(file for file in files if _TRACKS.fullmatch(file.name) and _beside(file, "tracksMeta").exists())
+
+
+def _beside(tracks: Path, what: str) -> Path:
+    """Return the path of another table of a recording: packed, if only that exists."""
+    match = _TRACKS.fullmatch(tracks.name)
+    stem = match["number"] if match else tracks.stem
+    plain = tracks.with_name(f"{stem}_{what}.csv")
+    packed = tracks.with_name(f"{stem}_{what}.csv.gz")
+    return packed if packed.exists() and not plain.exists() else plain
+
+
+def _tracks_file(request: Request) -> Path:
+    path = request.path
+    if not path.is_dir():
+        if _TRACKS.fullmatch(path.name) is None:
+            raise RecordingError(f"{path}: the name of a table of tracks ends with `_tracks.csv`")
+        return path
+    files = _tables_in(path)
+    if (wanted := request.numbers.get("recording")) is not None:
+        files = [file for file in files if file.name.partition("_")[0].lstrip("0") == f"{wanted:g}".lstrip("0")]
+    if len(files) != 1:
+        names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
+        raise RecordingError(f"{path}: name one of its tables of tracks ({names})")
+    return files[0]
+
+
+def _frame_rate(file: Path) -> float:
+    with table(file) as rows:
+        column = rows.index("frameRate")
+        row = next(rows.rows, None)
+        if row is None:
+            raise RecordingError(f"{file} has no row")
+        rate_hz = number(row[column]) if row[column].strip().replace(".", "").isdigit() else math.nan
+        if not 0 < rate_hz < math.inf:
+            raise rows.error(f"frameRate is {row[column][:40]!r}, not a number above 0")
+        return rate_hz
+
+
+def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float]]:
+    """Return the shape of each actor, and the driving direction of those of highD, rad."""
+    shapes: dict[str, Shape] = {}
+    directions: dict[str, float] = {}
+    with table(file) as rows:
+        boxes = "height" in rows.columns  # highD: `width` is along the road
+        actor, class_ = rows.indices("id" if boxes else "trackId", "class")
+        length, width = rows.indices(*(("width", "height") if boxes else ("length", "width")))
+        direction = rows.index("drivingDirection") if boxes else None
+        for row in rows.rows:
+            samples.take_room()
+            kind = kind_of(row[class_])
+            if kind is None:
+                samples.left_out["actors of an unknown class"] += 1
+                continue
+            try:
+                shape = shapes[row[actor]] = shape_of(kind, number(row[length]), number(row[width]))
+            except ValueError as err:
+                raise rows.error(f"a value is not a number ({err})") from None
+            if not shape.sized:
+                samples.note(f"The file has no sizes of kind {kind}: a usual size is used.")
+            if direction is not None:
+                directions[row[actor]] = {"1": math.pi, "2": 0.0}.get(row[direction].strip(), math.nan)
+    return shapes, directions
+
+
+def _centres(rows: Table) -> Callable[[Sequence[str]], Sample]:
+    """Return what makes a sample (x, y, heading, speed) of a row of inD, rounD, exiD or uniD."""
+    x, y, heading, vx, vy = rows.indices("xCenter", "yCenter", "heading", "xVelocity", "yVelocity")
+
+    def sample(row: Sequence[str]) -> Sample:
+        speed = math.hypot(number(row[vx]), number(row[vy]))
+        return number(row[x]), number(row[y]), math.radians(number(row[heading])), speed
+
+    return sample
+
+
+def _boxes(rows: Table, directions: dict[str, float]) -> Callable[[Sequence[str]], Sample]:
+    """Return what makes a sample of a row of highD: x, y are those of the box's upper left corner, and y points
+    downwards in the image, also for velocities."""
+    actor, x, y, length, width, vx, vy = rows.indices("id", "x", "y", "width", "height", "xVelocity", "yVelocity")
+
+    def sample(row: Sequence[str]) -> Sample:
+        right, down = number(row[vx]), number(row[vy])
+        speed = math.hypot(right, down)
+        heading = math.atan2(-down, right) if speed > _MOVING_MPS else directions.get(row[actor], math.nan)
+        return number(row[x]) + number(row[length]) / 2, -number(row[y]) - number(row[width]) / 2, heading, speed
+
+    return sample

@@ -1,0 +1,294 @@
+"""Samples of recorded actors while a file is read, and the tracks that they become.
+
+A file may be of any size and have any mistakes: samples outside the request are skipped at once, only numbers are kept,
+and what is left out or derived is counted.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.limits import most, raised_by
+from foresee_recordings.readers.classes import Shape
+from foresee_recordings.reading import Request
+from foresee_recordings.recording import FloatArray, RecordedMap, Recording, RecordingError, SignalTrack, Track
+from foresee_recordings.sources import digest, name_of
+
+_ACTOR_SAMPLES = 10
+"""Number of samples whose memory a further actor takes, for the limit `recording`. Ours: some 300 bytes for its id and
+its buffer, 40 for a sample."""
+GAP_S = 1.0
+"""An actor that is absent for longer becomes a second track, s. Ours: interpolating over more would invent its motion;
+data sets fill shorter gaps."""
+_GAP_STEPS = 2.5
+"""Number of usual steps of an actor that a gap has at least: recordings of SUMO have a step of 1 s. Ours."""
+FASTEST_MPS = 100.0
+"""Two samples that are farther apart than this speed allows are a jump, m/s. Ours: 360 km/h."""
+JUMP_M = 5.0
+"""Shorter displacements are never jumps, m. Ours: at 25 Hz a noise of 4 m would already be 100 m/s."""
+_JUMPING_SHARE = 0.2
+"""Share of steps that are jumps from which on the unit of the positions or times must be wrong. Ours."""
+_MOVING_MPS, _STEP_M = 1.0, 0.05
+"""Speed from which on the unit of speeds is checked, m/s, and the displacement that shows a direction of motion, m.
+Ours: more than the noise of recorded positions (data sets state some centimetres)."""
+_UNIT_FACTOR, _DOUBTFUL_FACTOR = 5.0, 1.5
+"""Ratio of speeds in the file and speeds of the positions that is an error of a unit, and the one that is noted. Ours:
+km/h differ by 3.6 and are noted, milliseconds, degrees and pixels differ by more."""
+_CHECKED_STEPS = 50
+"""Number of moving steps that the check of units needs. Ours."""
+_SAME_M = 0.01
+"""Two samples at one time that are nearer than this are the same, m. Ours: the last digit of most files."""
+_ROUNDING_S = 1e-6
+
+
+class Samples:
+    """The samples of a recording that are within the request.
+
+    Attributes:
+        left_out: counts of what the file has and the recording has not, by description.
+        notes: what was guessed, a sentence each, without repetition.
+        heading_unit: the unit of the headings that were added, rad; a reader that sees it only at the end sets it then.
+    """
+
+    def __init__(self, request: Request) -> None:
+        self._request = request
+        self._begins_s, self._ends_s, self._actors = request.begins_s, request.ends_s, request.actors
+        self._buffers: dict[str, array[float]] = {}
+        self._limit = round(most("recording"))
+        self._room = self._limit
+        self._first_s, self._last_s = math.inf, -math.inf
+        self._steps, self._jumps = 0, 0
+        self.left_out: Counter[str] = Counter()
+        self.notes: dict[str, None] = {}
+        self.heading_unit = 1.0
+
+    def wants(self, actor: str, time_s: float) -> bool:
+        """Return whether a sample is within the request."""
+        if not self._first_s <= time_s <= self._last_s:
+            self._first_s, self._last_s = min(self._first_s, time_s), max(self._last_s, time_s)
+        if self._begins_s <= time_s <= self._ends_s:
+            return not self._actors or actor in self._actors
+        if math.isnan(time_s):
+            self.left_out["samples with a number that is not finite"] += 1
+        return False
+
+    def add(
+        self, actor: str, time_s: float, x: float, y: float, heading: float = math.nan, speed: float = math.nan
+    ) -> bool:
+        """Keep a sample (s, m, rad counter-clockwise from east, m/s); a heading or speed of NaN is derived later.
+
+        Returns:
+            Whether it was kept: its time and place are finite numbers.
+
+        Raises:
+            RecordingError: there are more samples than the limit `recording` allows.
+        """
+        if not math.isfinite(time_s + x + y):
+            self.left_out["samples with a number that is not finite"] += 1
+            return False
+        buffer = self._buffers.get(actor)
+        if buffer is None:
+            buffer = self._buffers[actor] = array("d")
+            self.take_room()
+        self.take_room(1)
+        buffer.extend((time_s, x, y, heading, speed))
+        return True
+
+    def take_room(self, samples: int = _ACTOR_SAMPLES) -> None:
+        """Count the memory of something that is kept, such as the class of a further actor, as that of samples.
+
+        Raises:
+            RecordingError: it is more than the limit `recording` allows.
+        """
+        self._room -= samples
+        if self._room < 0:
+            raise RecordingError(
+                f"{self._request.path}: it has more than {self._limit:,} samples to keep (an actor counts as "
+                f"{_ACTOR_SAMPLES}): read a part of it with --from and --to, or {raised_by('recording')}"
+            )
+
+    def check_shapes(self, shapes: Mapping[str, Shape], what: str) -> None:
+        """Count the actors that have samples and no shape, since they are not in `what`."""
+        if count := sum(actor not in shapes for actor in self._buffers):
+            self.left_out[f"actors that are not in {what}"] += count
+
+    def note(self, sentence: str) -> None:
+        """Add a sentence to the notes, once."""
+        self.notes[sentence] = None
+
+    def recording(
+        self,
+        format_: str,
+        shapes: Mapping[str, Shape],
+        *,
+        offset_m: Callable[[str, Shape], tuple[float, float]] | None = None,
+        source: Path | None = None,
+        signals: tuple[SignalTrack, ...] = (),
+        roads: RecordedMap | None = None,
+    ) -> Recording:
+        """Return the recording, and release the samples.
+
+        Args:
+            shapes: the class and size of each actor; others are left out (the caller counts them).
+            offset_m: the footprint's centre seen from a sample's position, ahead and left, m; None: the same place.
+            source: the file that was read, if the request names a folder.
+
+        Raises:
+            RecordingError: no sample is left, or the positions, times or speeds are in another unit.
+        """
+        path = source or self._request.path
+        tracks: list[Track] = []
+        motions = {actor: list(self._motions(actor)) for actor in list(self._buffers)}
+        self._check_units(path, [motion for parts in motions.values() for motion in parts])
+        names = set(motions)
+        for actor, parts in motions.items():
+            form = shapes.get(actor)
+            if form is None or not parts:
+                continue
+            offset = (0.0, 0.0) if offset_m is None else offset_m(actor, form)
+            for name, motion in zip(_part_names(actor, len(parts), names), parts, strict=True):
+                tracks.append(self._track(name, form, motion, offset))
+        if not tracks:
+            raise RecordingError(f"{path}: {self._nothing()}")
+        return Recording(
+            name_of(path), path, digest(path), format_, tuple(tracks), signals, roads, +self.left_out, tuple(self.notes)
+        )
+
+    def _nothing(self) -> str:
+        """Return why no track is left."""
+        if self._last_s < self._first_s:
+            return "it has no samples"
+        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
+        wanted = f"from {self._begins_s:g} s to {self._ends_s:g} s"
+        actors = f" of {', '.join(sorted(self._actors)[:5])}" if self._actors else ""
+        return f"no actor{actors} has two usable samples {wanted}; {times}"
+
+    def _motions(self, actor: str) -> Iterator[FloatArray]:
+        """Yield the parts of an actor's motion without gaps and jumps, each [N, 5]: time, x, y, heading, speed."""
+        rows = np.frombuffer(self._buffers.pop(actor), dtype=np.float64).reshape(-1, 5)
+        rows = self._without_outliers(self._without_repetitions(self._in_order(rows)))
+        steps = np.diff(rows[:, 0])
+        longest_s = max(GAP_S, _GAP_STEPS * float(np.median(steps))) + _ROUNDING_S if len(steps) else GAP_S
+        gaps, jumps = steps > longest_s, _jumps(rows)
+        self._steps += len(steps)
+        self._jumps += int(jumps.sum())
+        if gaps.any():
+            self.left_out["gaps of more than a second, after which an actor is a second track"] += int(gaps.sum())
+        if jumps.any():
+            self.left_out["jumps, after which an actor is a second track"] += int(jumps.sum())
+        for part in np.split(rows, np.flatnonzero(gaps | jumps) + 1):
+            if len(part) > 1:
+                yield part
+            else:
+                self.left_out["single samples without others of their actor beside them"] += len(part)
+
+    def _in_order(self, rows: FloatArray) -> FloatArray:
+        backwards = int((np.diff(rows[:, 0]) < 0).sum())
+        if not backwards:
+            return rows
+        self.note("Samples of an actor are not in the order of their times, and were sorted.")
+        return rows[np.argsort(rows[:, 0], kind="stable")]
+
+    def _without_repetitions(self, rows: FloatArray) -> FloatArray:
+        again = np.concatenate(([False], np.diff(rows[:, 0]) < _ROUNDING_S))
+        if not again.any():
+            return rows
+        first = rows[np.maximum.accumulate(np.where(again, 0, np.arange(len(rows))))]
+        apart = np.hypot(*(rows[again, 1:3] - first[again, 1:3]).T) > _SAME_M
+        self.left_out["samples at the time of an earlier one of their actor, at another place"] += int(apart.sum())
+        self.left_out["samples that repeat an earlier one of their actor"] += int((~apart).sum())
+        return rows[~again]
+
+    def _without_outliers(self, rows: FloatArray) -> FloatArray:
+        """Return the rows without single samples that jump away from their neighbours and back."""
+        jumps = _jumps(rows)
+        if jumps.sum() < 2:
+            return rows
+        away = np.flatnonzero(jumps[:-1] & jumps[1:]) + 1
+        outliers = [k for k in away.tolist() if not _jumps(rows[[k - 1, k + 1]]).any()]
+        self.left_out["samples far away from those before and after them"] += len(outliers)
+        return np.delete(rows, outliers, axis=0)
+
+    def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
+        """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
+        if self._jumps > _JUMPING_SHARE * self._steps:
+            raise RecordingError(
+                f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
+                "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
+            )
+        ratios: list[FloatArray] = []
+        for rows in motions:
+            steps = np.diff(rows[:, :3], axis=0)
+            speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
+            moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS)
+            ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
+        checked = np.concatenate(ratios) if ratios else np.empty(0)
+        if len(checked) < _CHECKED_STEPS:
+            return
+        ratio = float(np.median(checked))
+        if not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
+            raise RecordingError(
+                f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
+                "the times not in seconds (geographic coordinates, pixels, milliseconds)"
+            )
+        if not 1 / _DOUBTFUL_FACTOR < ratio < _DOUBTFUL_FACTOR:
+            self.note(f"The positions move with {ratio:.2f} times the recorded speeds, which may be in another unit.")
+
+    def _track(self, name: str, form: Shape, rows: FloatArray, offset: tuple[float, float]) -> Track:
+        """Return the track of a motion, with the headings and speeds that the file has not."""
+        states = rows[:, 1:].copy()
+        states[:, 2] *= self.heading_unit
+        absent = ~np.isfinite(states)
+        if absent[:, 2].any():
+            self.left_out["actors without headings, which are those of their motion"] += 1
+            states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
+        if absent[:, 3].any():
+            self.left_out["actors without speeds, which are those of their positions"] += 1
+            velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
+            states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
+        states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi
+        (ahead, left), c, s = offset, np.cos(states[:, 2]), np.sin(states[:, 2])
+        states[:, 0] += ahead * c - left * s
+        states[:, 1] += ahead * s + left * c
+        return Track(name, form.kind, form.length_m, form.width_m, rows[:, 0].copy(), states, form.sized)
+
+
+def _directions(rows: FloatArray) -> FloatArray:
+    """Return the direction of motion at each sample, rad ([N]); where an actor stands, that of its nearest motion
+    before, otherwise after; 0 if it never moves."""
+    places = np.concatenate((rows[:1, 1:3], rows[:, 1:3], rows[-1:, 1:3]))
+    way = places[2:] - places[:-2]
+    moving = np.hypot(way[:, 0], way[:, 1]) > _STEP_M
+    if not moving.any():
+        whole = rows[-1, 1:3] - rows[0, 1:3]
+        return np.full(len(rows), math.atan2(whole[1], whole[0]) if np.hypot(*whole) > _STEP_M else 0.0)
+    index = np.maximum.accumulate(np.where(moving, np.arange(len(rows)), -1))
+    index[index < 0] = np.argmax(moving)
+    directions: FloatArray = np.arctan2(way[index, 1], way[index, 0])
+    return directions
+
+
+def _part_names(actor: str, count: int, names: Collection[str]) -> list[str]:
+    """Return the ids of an actor's tracks: its own, and `ID_part2`, ... for those after gaps."""
+    parts = [actor]
+    number = 2
+    while len(parts) < count:
+        if (name := f"{actor}_part{number}") not in names:
+            parts.append(name)
+        number += 1
+    return parts
+
+
+def _jumps(rows: FloatArray) -> NDArray[np.bool_]:
+    """Return which steps no vehicle can take ([N - 1] bool)."""
+    steps = np.diff(rows[:, :3], axis=0)
+    ways = np.hypot(steps[:, 1], steps[:, 2])
+    jumps: NDArray[np.bool_] = (ways > FASTEST_MPS * steps[:, 0]) & (ways > JUMP_M)
+    return jumps
