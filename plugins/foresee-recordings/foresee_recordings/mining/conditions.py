@@ -17,7 +17,7 @@ from foresee_dsl.language.model.conditions import MEASURED
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_recordings.mining.measures import BETWEEN, Beside, gap, values
+from foresee_recordings.mining.measures import BETWEEN, Beside, gap, values_until
 from foresee_recordings.mining.rows import Rows
 from foresee_recordings.mining.traffic import HEADING, IntArray, Traffic, X, Y
 from foresee_recordings.recording import FloatArray, RecordingError
@@ -129,7 +129,8 @@ def _sustained(condition: m.Sustained, rows: Rows) -> Truths:
 def _compared(condition: m.Comparison, rows: Rows) -> Truths:
     if not isinstance(condition.left, m.Measure):
         raise TypeError("`check` lets only measures pass")
-    measured, bound = values(condition.left, rows), si_of(condition.right)
+    bound = si_of(condition.right)
+    measured = values_until(condition.left, rows, bound)
     slack = measured - bound if condition.op[0] == ">" else bound - measured
     # Infinite values are fine: their slack is infinite. Only NaN is unknown.
     held = slack >= 0 if condition.op[-1] == "=" else slack > 0

@@ -9,16 +9,18 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foresee_dsl.simulate.results.footprints import HORIZON_S
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.crossings import Crossing, crossings
-from foresee_recordings.mining.measures import Beside, column, gap
+from foresee_recordings.mining.measures import Beside, column
 from foresee_recordings.mining.rows import EGO, EGO_KINDS, Rows, rows_of
 from foresee_recordings.mining.situation import Occurrence
 from foresee_recordings.mining.traffic import HEADING, SPEED, Traffic, X, Y
 from foresee_recordings.recording import FloatArray
 
+Flags = NDArray[np.bool_]
 CUT_IN_HEADWAY_S = 2.0
 """Largest time gap at a cut-in, s. Ours: the distance that driving schools teach; a driver with a larger one need not
 react."""
@@ -38,6 +40,8 @@ MOVES_MPS = 2.0
 SWERVE_S, SWERVE_M = 3.0, 20.0
 """Length of a path before and after the place of a cut-in in which a lane change is looked for: in s at the ego's
 speed, and the least in m. Ours: half the time of a slow lane change."""
+_LONGEST_M = 30.0
+"""Length by which the centres of two actors may be farther apart than their footprints, m. Ours: two road trains."""
 _FEWEST = 5
 """Fewest points of a path to which an arc is fitted."""
 BEYOND_TRACK_M = 30.0
@@ -58,55 +62,67 @@ NEAR_MISS_PET_S = 1.0
 def cut_ins(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
     """Yield cut-ins: an actor comes from the side onto the ego's way, close ahead of it."""
     for rows in rows_of(traffic, (EGO, "other"), within_m):
-        ahead = rows.at(_may_be_ahead(rows))
-        for group in np.unique(ahead.group).tolist():
-            yield from _cut_ins(ahead.at(ahead.group == group))
+        near = rows.at(_may_be_ahead(rows))
+        if not len(near):
+            continue
+        beside = Beside(near, EGO, "other")
+        inside = beside.lateral <= 0.0
+        entered = inside[1:] & ~inside[:-1] & (np.diff(near.frames) == 1) & (np.diff(near.group) == 0)
+        done: set[int] = set()
+        for k in (np.flatnonzero(entered) + 1).tolist():
+            group = int(near.group[k])
+            if group not in done and (occurrence := _cut_in(near, beside, k)) is not None:
+                done.add(group)
+                yield occurrence
 
 
-def _may_be_ahead(rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return at which rows both actors move in one direction, with a gap of a cut-in or less."""
+def _may_be_ahead(rows: Rows) -> Flags:
+    """Return at which rows both actors move in one direction, with a distance of a cut-in or less."""
     turned = column(rows, "other", HEADING) - column(rows, EGO, HEADING)
-    fast = (column(rows, EGO, SPEED) > MOVES_MPS) & (column(rows, "other", SPEED) > MOVES_MPS)
-    reach_m = np.maximum(column(rows, EGO, SPEED), MOVES_MPS) * CUT_IN_HEADWAY_S + 20.0
-    same_way: np.ndarray[tuple[int], np.dtype[np.bool_]] = fast & (np.cos(turned) > math.cos(SAME_WAY_RAD))
-    same_way[same_way] = gap(rows.at(same_way), EGO, "other") < reach_m[same_way]
-    return same_way
+    speed = column(rows, EGO, SPEED)
+    reach_m = speed * CUT_IN_HEADWAY_S + _LONGEST_M
+    away = rows.traffic.states[rows.states["other"], :2] - rows.traffic.states[rows.states[EGO], :2]
+    ahead = away[:, 0] * np.cos(column(rows, EGO, HEADING)) + away[:, 1] * np.sin(column(rows, EGO, HEADING))
+    may_be: Flags = (
+        (speed > MOVES_MPS)
+        & (column(rows, "other", SPEED) > MOVES_MPS)
+        & (np.cos(turned) > math.cos(SAME_WAY_RAD))
+        & (np.abs(ahead) < reach_m)
+    )
+    return may_be
 
 
-def _cut_ins(rows: Rows) -> Iterator[Occurrence]:
+def _cut_in(rows: Rows, beside: Beside, k: int) -> Occurrence | None:
+    """Return the cut-in that begins to overlap the ego's way at row k; None if it is none."""
     traffic, frames = rows.traffic, rows.frames
-    ego, other = int(rows.actors[EGO][0]), int(rows.actors["other"][0])
-    if traffic.tracks[other].kind in ("pedestrian", "obstacle"):
-        return
-    beside = Beside(rows, EGO, "other")
+    ego, other = int(rows.actors[EGO][k]), int(rows.actors["other"][k])
+    ahead_m, speed = float(beside.gap_ahead[k]), float(column(rows, EGO, SPEED)[k])
     way = traffic.way(ego)
-    inside = beside.lateral <= 0.0
+    beyond_m = way.own_s[rows.states[EGO][k] - traffic.start[ego]] + ahead_m - way.own_s[-1]
+    if not 0.0 < ahead_m <= CUT_IN_HEADWAY_S * speed or beyond_m > BEYOND_TRACK_M:
+        return None
+    if traffic.tracks[other].kind in ("pedestrian", "obstacle"):
+        return None
     longest = round(CUT_IN_LASTS_S / STEP_S)
-    for k in (np.flatnonzero(inside[1:] & ~inside[:-1]) + 1).tolist():
-        if frames[k] - frames[k - 1] > 1:
-            continue
-        ahead_m, speed = float(beside.gap_ahead[k]), float(traffic.states[rows.states[EGO][k], SPEED])
-        beyond_m = way.own_s[rows.states[EGO][k] - traffic.start[ego]] + ahead_m - way.own_s[-1]
-        if not 0.0 < ahead_m <= CUT_IN_HEADWAY_S * speed or beyond_m > BEYOND_TRACK_M:
-            continue
-        low, high = max(k - longest, 0), min(k + longest, len(frames))
-        clear = np.flatnonzero(beside.lateral[low:k] >= CUT_IN_LATERAL_M)
-        within = np.flatnonzero(np.abs(beside.left[k:high]) <= CUT_IN_INSIDE_M)
-        if not len(clear) or not len(within) or not inside[k : k + int(within[0])].all():
-            continue
-        place = traffic.states[rows.states["other"][k], :2]
-        if swerve_m(traffic, other, place, speed) <= swerve_m(traffic, ego, place, speed):
-            continue  # the ego itself changes to the lane of the other
-        yield Occurrence(
-            ego,
-            (other,),
-            int(frames[low + clear[-1]]),
-            int(frames[k + int(within[0])]),
-            int(frames[k]),
-            {"gap_m": ahead_m, "headway_s": ahead_m / speed},
-            f"{{0}} cuts in {ahead_m:.1f} m before {{ego}}, {ahead_m / speed:.2f} s ahead",
-        )
-        return
+    here = rows.group == rows.group[k]
+    low = max(k - longest, int(np.argmax(here)))
+    high = min(k + longest, len(here) - int(np.argmax(here[::-1])))
+    clear = np.flatnonzero(beside.lateral[low:k] >= CUT_IN_LATERAL_M)
+    within = np.flatnonzero(np.abs(beside.left[k:high]) <= CUT_IN_INSIDE_M)
+    if not len(clear) or not len(within) or (beside.lateral[k : k + int(within[0])] > 0.0).any():
+        return None
+    place = traffic.states[rows.states["other"][k], :2]
+    if swerve_m(traffic, other, place, speed) <= swerve_m(traffic, ego, place, speed):
+        return None  # the ego itself changes to the lane of the other
+    return Occurrence(
+        ego,
+        (other,),
+        int(frames[low + clear[-1]]),
+        int(frames[k + int(within[0])]),
+        int(frames[k]),
+        {"gap_m": ahead_m, "headway_s": ahead_m / speed},
+        f"{{0}} cuts in {ahead_m:.1f} m before {{ego}}, {ahead_m / speed:.2f} s ahead",
+    )
 
 
 def swerve_m(traffic: Traffic, actor: int, place: FloatArray, speed_mps: float) -> float:

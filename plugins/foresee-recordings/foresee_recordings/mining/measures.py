@@ -38,6 +38,24 @@ def values(measure: m.Measure, rows: Rows) -> FloatArray:
     raise RecordingError(f"{written(measure)} cannot be searched for: a recording does not say it")
 
 
+def values_until(measure: m.Measure, rows: Rows, bound: float) -> FloatArray:
+    """Return a measure at rows as `values` does, but infinity where it is certainly above a bound, which is faster."""
+    name, other = measure.actor or "", word_of(measure.other or "")
+    if other not in rows.states or measure.what not in ("distance", "headway", "ttc"):
+        return values(measure, rows)
+    out = np.empty(len(rows))
+    pair = rows.traffic.states, rows.traffic.sizes, rows.states[name], rows.states[other]
+    if measure.what == "ttc":
+        kernels.times_to_touch_within(*pair, max(bound, 0.0), out)
+        return out
+    speed = np.ones(len(rows))
+    if measure.what == "headway":
+        speed = np.maximum(column(rows, name, SPEED), SLOWEST_MPS)
+    kernels.gaps_within(*pair, bound * speed, out)
+    out /= speed
+    return out
+
+
 def column(rows: Rows, name: str, which: int) -> FloatArray:
     """Return a column of an actor's states at rows, [R]."""
     states: FloatArray = rows.traffic.states[rows.states[name], which]
