@@ -103,8 +103,6 @@ def _joined(condition: m.Both | m.Either, rows: Rows) -> Truths:
 def _cost(condition: m.Condition) -> int:
     """Return the rank of a condition by its computing time."""
     kinds = list(parts(condition))
-    if any(isinstance(part, m.Sustained) for part in kinds):
-        return 4
     if any(isinstance(part, m.Ahead | m.Behind | m.SameLane) for part in kinds):
         return 3
     measured = [part.left.what for part in kinds if isinstance(part, m.Comparison) and isinstance(part.left, m.Measure)]

@@ -42,6 +42,9 @@ SWERVE_S, SWERVE_M = 3.0, 20.0
 speed, and the least in m. Ours: half the time of a slow lane change."""
 _LONGEST_M = 30.0
 """Length by which the centres of two actors may be farther apart than their footprints, m. Ours: two road trains."""
+_BESIDE_M, _BEND = 6.0, 0.4
+"""Farthest that an actor that may cut in is to the side of the ego's heading, m, and more per metre ahead. Ours: the
+next lane's far side; 40 m ahead on a bend with a radius of 50 m, the road is 16 m to the side."""
 _FEWEST = 5
 """Fewest points of a path to which an arc is fitted."""
 BEYOND_TRACK_M = 30.0
@@ -82,12 +85,15 @@ def _may_be_ahead(rows: Rows) -> Flags:
     speed = column(rows, EGO, SPEED)
     reach_m = speed * CUT_IN_HEADWAY_S + _LONGEST_M
     away = rows.traffic.states[rows.states["other"], :2] - rows.traffic.states[rows.states[EGO], :2]
-    ahead = away[:, 0] * np.cos(column(rows, EGO, HEADING)) + away[:, 1] * np.sin(column(rows, EGO, HEADING))
+    cos, sin = np.cos(column(rows, EGO, HEADING)), np.sin(column(rows, EGO, HEADING))
+    ahead, left = away[:, 0] * cos + away[:, 1] * sin, away[:, 1] * cos - away[:, 0] * sin
     may_be: Flags = (
         (speed > MOVES_MPS)
         & (column(rows, "other", SPEED) > MOVES_MPS)
         & (np.cos(turned) > math.cos(SAME_WAY_RAD))
-        & (np.abs(ahead) < reach_m)
+        & (ahead > 0.0)
+        & (ahead < reach_m)
+        & (np.abs(left) < _BESIDE_M + _BEND * ahead)
     )
     return may_be
 
