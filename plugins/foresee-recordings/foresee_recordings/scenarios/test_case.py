@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Literal
 
 from foresee_dsl.language import model as m
@@ -83,7 +84,9 @@ def scenario(
     ]
     if leaving := [m.LeavesTrack(actor=role.name) for role in others if role.leaves]:
         condition = m.Comparison(
-            left=m.Measure(what="deviation", actor="ego"), op=">", right=m.Quantity.of(deviation_m, "length", 2)
+            left=m.Measure(what="deviation", actor="ego"),
+            op=">",
+            right=m.Quantity(value=Decimal(f"{deviation_m:g}"), unit="m"),
         )
         body.append(m.When(condition=condition, actions=tuple(leaving)))
     body.append(m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")))
