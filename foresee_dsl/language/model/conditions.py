@@ -68,7 +68,7 @@ class Measure(Phrase):
         headway (condition): the time that the first actor needs at its speed for the gap to the other, in seconds
             | headway(ego, lead) < 2 s
         eta (constant): the time until an actor enters a junction, in seconds | ego.eta(j4) < 4 s
-        deviation (condition): the distance between the ego and the place at which its track has it now, in metres
+        deviation (constant): the distance between the ego and the place at which its track has it now, in metres
             | ego.deviation > 2 m
         lateral (condition): the lateral distance between two footprints, across the way of the first, in metres
             | lateral(ego, cyclist) < 1 m
