@@ -28,7 +28,10 @@ BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "foresee_dsl.drivers": ("fusion", "fusion_safe"),
         "foresee_dsl.raster_views": ("birds_eye", "forward"),
     },
-    "recordings": {"foresee_dsl.commands": ("mine",)},
+    "recordings": {
+        "foresee_dsl.commands": ("mine",),
+        "foresee_dsl.exporters": ("commonroad", "fcd", "levelx"),
+    },
     "study": {
         "foresee_dsl.commands": ("fuzz", "study"),
         "foresee_dsl.rankers": ("selforacle", "selforacle_conv"),

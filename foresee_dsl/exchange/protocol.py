@@ -71,6 +71,17 @@ AllowOutside = Annotated[
 ]
 """The type of a field `allow_outside`, an option that permits files to name files outside their project folder."""
 
+RunAddresses = Annotated[list[str], Option("Mutants, clips or test cases.", metavar="FILE[::CASE]...", positional=True)]
+"""The type of a field `addresses`: what an exporter runs."""
+RunDriver = Annotated[
+    str, Option("The driver; by default the one that a mutant records, otherwise pdm.", ("--driver",))
+]
+RunSeed = Annotated[
+    int | None,
+    Option("The seed; by default the one that a mutant records, otherwise 0.", least=0, most=2**31 - 1),
+]
+"""The types of fields `driver` ("" by default) and `seed` (None by default) of an exporter that runs test cases."""
+
 
 def options_of(run: Format[Any]) -> type[Any]:
     """Return the dataclass of a format's options.

@@ -14,7 +14,6 @@ pytest.importorskip("osi_utilities", reason="the extra `osi` is not installed")
 
 from foresee_bridges.osi import exporter
 from foresee_bridges.osi.formats import OsiOptions
-from foresee_bridges.osi.roads import shifted
 from osi3.osi_object_pb2 import MovingObject, StationaryObject
 from osi3.osi_trafficlight_pb2 import TrafficLight
 from osi3trace.osi_trace import OSITrace
@@ -23,6 +22,7 @@ from osi_utilities import MultiTraceReader, parse_osi_trace_filename
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.exchange.lanes import shifted
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.episode import Episode

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from foresee_dsl.exchange.outcome import Imported
-from foresee_dsl.exchange.protocol import AllowOutside, Option, OutFolder, Tell
+from foresee_dsl.exchange.protocol import AllowOutside, Option, OutFolder, RunDriver, RunSeed, Tell
 from foresee_exchange.openscenario.reading.losses import Coordinates
 
 if TYPE_CHECKING:
@@ -193,10 +193,8 @@ class ToOpenScenarioOptions:
             ("--behaviour/--trajectories",),
         ),
     ] = False
-    driver: Annotated[str, Option("The driver; by default the one that a mutant records, otherwise pdm.")] = ""
-    seed: Annotated[
-        int | None, Option("The seed; by default the one that a mutant records, otherwise 0.", least=0, most=2**31 - 1)
-    ] = None
+    driver: RunDriver = ""
+    seed: RunSeed = None
     allow_outside: AllowOutside = False
 
 

@@ -64,14 +64,16 @@ class Reader(Protocol):
 def read(request: Request, format_: str = "") -> Recording:
     """Read a recording with the reader of this name, or with the one that recognises the file.
 
+    Without a name, a request with `columns` is read as a table.
+
     Raises:
         RecordingError: no reader recognises the file; or as `Reader.read` does.
     """
     path = request.path
     if not path.exists():
         raise RecordingError(f"{path}: there is no such file")
-    if format_:
-        return _reader(format_).read(request)
+    if format_ or request.columns:
+        return _reader(format_ or "table").read(request)
     head = b"" if path.is_dir() else head_of(path, HEAD_BYTES)
     for name in READERS.names():
         reader = _reader(name)

@@ -12,13 +12,11 @@ from foresee_bridges.osi.library import Numbers, interface_version, osi3, set_ti
 from foresee_bridges.osi.objects import MovingActor, add_stationary, fill_host, is_stationary, numbers_of
 from foresee_bridges.osi.roads import add_map
 from foresee_bridges.osi.signals import Lights
-from foresee_dsl.campaign.driving import case_name, run_test_case
-from foresee_dsl.compile import compile_test_case
+from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.compile.bundle import Scene, SumoBundle
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
 from foresee_dsl.exchange.protocol import Tell
-from foresee_dsl.exchange.recorded import driver_and_seed
-from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.exchange.recorded import runs
 from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 from foresee_dsl.simulate.trace import Trace, X
 
@@ -63,18 +61,14 @@ def run(
     notes = []
 
     def write(folder: Path) -> Imported:
-        for address in addresses:
-            case = load_test_case(address, allow_outside=allow_outside)
-            tell(f"running {case.id}")
-            of_case, number = driver_and_seed(case, driver, seed)
-            bundle = compile_test_case(case)
-            result = run_test_case(case, of_case, number)
-            frames = Frames(bundle, result.trace)
-            name = f"{_DATE}_{CODES[what]}_{version_text()}_{_protobuf()}_{result.trace.frames}_{case_name(case)}"
+        for run in runs(addresses, driver=driver, seed=seed, allow_outside=allow_outside, tell=tell):
+            trace = run.result.trace
+            frames = Frames(run.bundle, trace)
+            name = f"{_DATE}_{CODES[what]}_{version_text()}_{_protobuf()}_{trace.frames}_{case_name(run.case)}"
             _write(folder / f"{name}.{file_format}", frames, what)
             taken.update(frames.taken(what))
             left_out.update(frames.left_out(what))
-            notes.append(f"{case.id}, driven by {of_case}: {result.reason}")
+            notes.append(run.note)
         return Imported((), len(addresses), dict(sorted(taken.items())), +left_out, tuple(notes))
 
     return import_together(out, write)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from foresee_dsl.exchange.outcome import Imported
-from foresee_dsl.exchange.protocol import Option, OutFolder, Tell
+from foresee_dsl.exchange.protocol import AllowOutside, Option, OutFolder, RunAddresses, RunDriver, RunSeed, Tell
 
 WHAT = ("ground-truth", "sensor-view", "traffic-update")
 FILE_FORMATS = ("osi", "mcap")
@@ -19,17 +19,13 @@ FILE_FORMATS = ("osi", "mcap")
 class OsiOptions:
     """Options of `foresee export osi`."""
 
-    addresses: Annotated[list[str], Option("Mutants, clips or test cases.", metavar="FILE[::CASE]...", positional=True)]
+    addresses: RunAddresses
     out: OutFolder
     what: Annotated[str, Option(f"The message of each step: {', '.join(WHAT)}.")] = "ground-truth"
     file_format: Annotated[str, Option("osi: messages with their lengths; or mcap.", ("--format",))] = "osi"
-    driver: Annotated[str, Option("The driver; by default the one that a mutant records, otherwise pdm.")] = ""
-    seed: Annotated[
-        int | None, Option("The seed; by default the one that a mutant records, otherwise 0.", least=0, most=2**31 - 1)
-    ] = None
-    allow_outside: Annotated[
-        bool, Option("Allow files to use other files outside the project folder.", ("--allow-outside",))
-    ] = False
+    driver: RunDriver = ""
+    seed: RunSeed = None
+    allow_outside: AllowOutside = False
 
     def __post_init__(self) -> None:
         for value, values, flag in ((self.what, WHAT, "--what"), (self.file_format, FILE_FORMATS, "--format")):

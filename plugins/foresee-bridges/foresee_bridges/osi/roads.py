@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.exchange.lanes import beside, lane_links, shifted
 
 BUILDING_HEIGHT_M = 8.0
 """Height of buildings, m. Ours: two storeys; the language has outlines only."""
@@ -21,16 +21,14 @@ LINE_WIDTH_M = 0.12
 """Width of painted lines, m: narrow lines in German towns (RMS-1)."""
 CURB_M = 0.12
 """Height of a curb, m. Ours: usual for sidewalks in towns."""
-_MITRE = 2.0
-"""Largest stretch of an offset corner, as a multiple of the offset. Ours: bounds spikes at sharp corners."""
 
 
 def add_map(ground_truth: Any, network: RoadNetwork, net_file: Path, numbers: Numbers) -> None:  # noqa: ANN401
     """Add lanes, lane boundaries, buildings and the map's projection to a ground truth."""
     _add_projection(ground_truth, net_file)
-    pairings = _pairings(network)
+    links = lane_links(network)
     for lane in network.lanes.values():
-        _add_lane(ground_truth, network, lane, pairings.get(lane.id, ((), ())), numbers)
+        _add_lane(ground_truth, network, lane, links.get(lane.id, ((), ())), numbers)
     for k, outline in enumerate(network.buildings):
         _add_building(ground_truth.stationary_object.add(), outline, k, numbers)
 
@@ -46,21 +44,6 @@ def _add_projection(ground_truth: Any, net_file: Path) -> None:  # noqa: ANN401
         ground_truth.proj_string = projection
     if projection not in ("!", "-", "") or (x, y) != (0.0, 0.0):
         set_vector(ground_truth.proj_frame_offset.position, -x, -y)
-
-
-def _pairings(network: RoadNetwork) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
-    """Return the lanes before and after each lane, by its id."""
-    before: dict[str, list[str]] = {}
-    after: dict[str, list[str]] = {}
-    for movement in network.movements:
-        chain = (movement.from_lane, *movement.via, movement.to_lane)
-        for first, second in pairwise(chain):
-            if second not in after.setdefault(first, []):
-                after[first].append(second)
-                before.setdefault(second, []).append(first)
-    return {
-        lane: (tuple(before.get(lane, ())), tuple(after.get(lane, ()))) for lane in dict.fromkeys((*before, *after))
-    }
 
 
 def _add_lane(
@@ -96,15 +79,6 @@ def _add_lane(
         facts.right_lane_boundary_id.add().value = numbers.of("boundary", right.id, "1")
     else:
         facts.right_lane_boundary_id.add().value = _add_boundary(ground_truth, lane, right, -1, numbers)
-
-
-def beside(network: RoadNetwork, lane: Lane, side: int) -> Lane | None:
-    """Return the lane of the same edge to the left (1) or right (-1), if any."""
-    edge = network.edges.get(lane.edge)
-    index = lane.index + network.lanes_to(side)
-    if edge is None or lane.internal or not 0 <= index < len(edge.lanes):
-        return None
-    return edge.lanes[index]
 
 
 def _share(lane: Lane, other: Lane) -> bool:
@@ -154,20 +128,6 @@ def _add_boundary(ground_truth: Any, lane: Lane, other: Lane | None, side: int, 
         set_vector(point.position, x, y)
         point.width, point.height = width_m, height_m
     return int(message.id.value)
-
-
-def shifted(line: Points, left_m: float) -> FloatArray:
-    """Return a line that runs beside another, `left_m` to its left, with mitred corners, [N, 2]."""
-    points = np.asarray(line, dtype=np.float64)[:, :2]
-    legs = np.diff(points, axis=0)
-    legs /= np.maximum(np.linalg.norm(legs, axis=1, keepdims=True), 1e-9)
-    normals = np.stack((-legs[:, 1], legs[:, 0]), axis=1)
-    before, after = np.vstack((normals[:1], normals)), np.vstack((normals, normals[-1:]))
-    corners = before + after
-    corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
-    stretch = np.minimum(1 / np.maximum(np.einsum("ij,ij->i", corners, after), 1e-9), _MITRE)
-    line_beside: FloatArray = points + left_m * corners * stretch[:, None]
-    return line_beside
 
 
 def _add_building(message: Any, outline: Points, k: int, numbers: Numbers) -> None:  # noqa: ANN401

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -25,6 +26,10 @@ _STEP_M = 5.0
 """Farthest that the ends of adjacent lanes may lie apart in the driving direction, m. Ours: lanes of one edge begin and
 end together in SUMO."""
 
+_APART_M = 5.0
+"""Farthest distance from the end of a lane to the beginning of the next, m. Ours: a wide lane's width; the maps of
+OSC_Overtake and DEU_Muc-3 have relations over 45 m and back."""
+
 Group = tuple[str, ...]
 """Ids of adjacent lanes in one direction, from the right."""
 
@@ -36,6 +41,7 @@ class Divided:
     Attributes:
         crossings: pairs of lanes inside junctions that cross each other.
         source: for each lane the id of the map's lane of which it is a part.
+        left_out: what of the map is not used, with counts.
     """
 
     lanes: Mapping[str, Lane]
@@ -43,12 +49,18 @@ class Divided:
     inside: frozenset[str]
     crossings: tuple[tuple[str, str], ...]
     source: Mapping[str, str]
+    left_out: Mapping[str, int]
 
 
-def divide(lanes: Mapping[str, Lane]) -> Divided:
-    """Divide a map. Lanes that cross others are cut before the first and behind the last crossing."""
-    lanes = linked(lanes)
-    crossings = list(_crossings(lanes))
+def divide(lanes: Mapping[str, Lane], *, junctions: bool = True) -> Divided:
+    """Divide a map. Lanes that cross others are cut before the first and behind the last crossing.
+
+    Args:
+        junctions: whether lanes that cross lie inside junctions.
+    """
+    left_out: Counter[str] = Counter()
+    lanes = _linked(lanes, left_out)
+    crossings = list(_crossings(lanes)) if junctions else []
     shares: dict[str, list[float]] = {}
     for pair, at in crossings:
         for id_, share in zip(pair, at, strict=True):
@@ -77,10 +89,11 @@ def divide(lanes: Mapping[str, Lane]) -> Divided:
         inside=frozenset(inside),
         crossings=tuple((inner[first], inner[other]) for (first, other), _ in crossings),
         source={name: id_ for id_, names in parts.items() for name in names},
+        left_out=left_out,
     )
 
 
-def linked(lanes: Mapping[str, Lane]) -> dict[str, Lane]:
+def _linked(lanes: Mapping[str, Lane], left_out: Counter[str]) -> dict[str, Lane]:
     """Return lanes whose relations name existing lanes only, and are the same from both sides."""
     onward: dict[str, dict[str, None]] = {id_: {} for id_ in lanes}
     for id_, lane in lanes.items():
@@ -90,8 +103,12 @@ def linked(lanes: Mapping[str, Lane]) -> dict[str, Lane]:
                 onward[other][id_] = None
     before: dict[str, list[str]] = {id_: [] for id_ in lanes}
     for id_, others in onward.items():
-        for other in others:
-            before[other].append(id_)
+        for other in list(others):
+            if np.hypot(*(lanes[other].centre[0] - lanes[id_].centre[-1])) > _APART_M:
+                left_out["relations of lanes to lanes that begin elsewhere"] += 1
+                del others[other]
+            else:
+                before[other].append(id_)
     return {
         id_: replace(lane, predecessors=tuple(before[id_]), successors=tuple(onward[id_]))
         for id_, lane in lanes.items()
@@ -206,7 +223,7 @@ def _relinked(lanes: Mapping[str, Lane], parts: Mapping[str, list[str]], cut: Ma
                 lane,
                 successors=onward,
                 predecessors=before,
-                signal=lane.signal if last else "",
-                way=lane.way if last else "",
+                signal=lane.signal if first else "",  # the crossing that cuts the lane lies ahead of its first part
+                way=lane.way if first else "",
             )
     return result

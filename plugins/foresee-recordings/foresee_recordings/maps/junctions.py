@@ -84,16 +84,26 @@ def layout_of(divided: Divided) -> Layout:
     roads, at_lane = [], {}
     for group in divided.roads:
         ends = [numbers.setdefault(joints.root((group[0], end)), len(numbers)) for end in ("start", "end")]
-        road = Road(edge_id(group[0]), tuple(divided.lanes[id_] for id_ in group), *ends)
+        road = Road(edge_id(group[0]), tuple(_with_rules(divided, id_) for id_ in group), *ends)
         roads.append(road)
         at_lane.update({id_: (road.id, index) for index, id_ in enumerate(group)})
-    left_out: Counter[str] = Counter()
+    left_out = Counter(divided.left_out)
     ways = list(_ways(divided, at_lane, left_out))
     used = {id_ for way in ways for id_ in way.lanes}
     unused = {divided.source.get(id_, id_) for id_ in divided.inside - used}
     if unused:
         left_out["lanes inside junctions that no road leads to and from"] += len(unused)
     return Layout(tuple(roads), tuple(ways), _places(roads), left_out)
+
+
+def _with_rules(divided: Divided, id_: str) -> Lane:
+    """Return a lane that has the right of way and the signal of the lane inside the junction that follows it, as maps
+    give them either to the lane before the stop line or to the one behind it."""
+    lane = divided.lanes[id_]
+    onward = [divided.lanes[other] for other in lane.successors if other in divided.inside]
+    way = lane.way or next((other.way for other in onward if other.way), "")
+    signal = lane.signal or next((other.signal for other in onward if other.signal), "")
+    return replace(lane, way=way, signal=signal)
 
 
 def edge_id(lane: str) -> str:

@@ -11,16 +11,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
+from foresee_dsl.compile.foreign.geometry_faults import NARROWEST_M
+from foresee_dsl.compile.foreign.networks import write_net
+from foresee_dsl.compile.nets.netconvert import run_netconvert
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import environment
 from foresee_dsl.errors import CompileError
 from foresee_recordings.maps.dividing import divide
 from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
-from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError
+from foresee_recordings.maps.net_geometry import set_lines, simplified
+from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError, Track
 
 SPEED_MPS = 50 / 3.6
 """Speed limit of lanes without one, m/s: the usual urban limit (Vienna Convention countries)."""
+_MOTOR = ("car", "van", "truck", "bus", "motorcycle")
+_FAST_PERCENT = 95.0
+"""Share of samples below the speed that a road without a limit allows, percent. Ours: single errors do not count."""
 _FAR_M = 1e5
 """Largest coordinate of a map that is not moved, m. Ours: above local maps, below UTM's (1e6 m)."""
 _LEAST_WIDTH_M = 0.5
@@ -81,22 +88,28 @@ class _Frame:
     speed_mps: float
 
     def points(self, line: FloatArray) -> list[tuple[float, float]]:
-        return [(float(x), float(y)) for x, y in line + self.offset]
+        """Return a line of the map in the network."""
+        return [(float(x), float(y)) for x, y in simplified(line + self.offset)]
+
+    def point(self, at: tuple[float, float]) -> tuple[float, float]:
+        """Return a point of the map in the network."""
+        return at[0] + float(self.offset[0]), at[1] + float(self.offset[1])
 
     def speed(self, lane: Lane) -> float:
         return self.speed_mps if lane.speed_mps is None else lane.speed_mps
 
 
-def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS) -> RecordedMap:
+def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS, *, junctions: bool = True) -> RecordedMap:
     """Return the SUMO network of a map of lanes; equal maps give equal bytes.
 
     Args:
         speed_mps: speed limit of lanes without one.
+        junctions: whether lanes that cross become a junction.
 
     Raises:
         RecordingError: netconvert refuses the map, or exceeds its limits.
     """
-    layout = layout_of(divide(lane_map.lanes))
+    layout = layout_of(divide(lane_map.lanes, junctions=junctions))
     if not layout.roads:
         raise RecordingError("the map has no road: all of its lanes lie inside one junction")
     frame = _Frame(_offset(lane_map.lanes.values()), speed_mps)
@@ -107,9 +120,21 @@ def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS) -> RecordedMap:
             run_netconvert([*files, *_OPTIONS, "--output-file", "net.net.xml"], folder)
         except CompileError as err:
             raise RecordingError(f"the map of lanes cannot be converted: {err}") from err
-        text = without_header((folder / "net.net.xml").read_bytes()).decode("utf-8")
+        net = parse_net(folder / "net.net.xml")
+        set_lines(net, layout, lambda line: line + frame.offset)
+        write_net(net, folder / "net.net.xml")
+        text = (folder / "net.net.xml").read_text(encoding="utf-8")
     x, y = (float(value) for value in frame.offset)
     return RecordedMap(text, ".net.xml", (x, y), tuple(_notes(lane_map, layout, speed_mps)))
+
+
+def usual_speed(tracks: Iterable[Track]) -> float:
+    """Return a speed limit for lanes without one, m/s: the usual urban one, or that of faster recorded vehicles."""
+    speeds = [track.states[:, 3] for track in tracks if track.kind in _MOTOR]
+    if not speeds:
+        return SPEED_MPS
+    fast = float(np.percentile(np.concatenate(speeds), _FAST_PERCENT))
+    return max(SPEED_MPS, math.ceil(fast * 3.6 / 10) * 10 / 3.6)
 
 
 def _offset(lanes: Iterable[Lane]) -> FloatArray:
@@ -142,10 +167,7 @@ def _write_plain(folder: Path, layout: Layout, frame: _Frame) -> list[str]:
 
 def _nodes(layout: Layout, frame: _Frame) -> list[_Node]:
     types = _node_types(layout.roads)
-    return [
-        _Node(f"j{number}", frame.points(np.array([at]))[0], types.get(number, "priority"))
-        for number, at in layout.places.items()
-    ]
+    return [_Node(f"j{number}", frame.point(at), types.get(number, "priority")) for number, at in layout.places.items()]
 
 
 def _node_types(roads: Iterable[Road]) -> Mapping[int, str]:
@@ -170,8 +192,8 @@ def _edge(road: Road, frame: _Frame) -> _PlainEdge:
             width=max(lane.width_m, _LEAST_WIDTH_M),
             speed=frame.speed(lane),
             allow=_ALLOW[lane.type],
-            closed=lane.type == "shoulder",
-            type=_STRIP_TYPES[lane.type],
+            closed=_closed(lane),
+            type="shoulder" if _closed(lane) else _STRIP_TYPES[lane.type],
             shape=frame.points(lane.centre),
         )
         for lane in road.lanes
@@ -180,6 +202,11 @@ def _edge(road: Road, frame: _Frame) -> _PlainEdge:
     priority = min(_PRIORITIES[lane.way] for lane in road.lanes)
     speed = max(lane.speed for lane in lanes)
     return _PlainEdge(road.id, f"j{road.start}", f"j{road.end}", priority, speed, frame.points(middle), lanes)
+
+
+def _closed(lane: Lane) -> bool:
+    """Return whether no vehicle may use a lane, which is then a part of the carriageway only."""
+    return lane.type == "shoulder" or (lane.type == "road" and lane.width_m < NARROWEST_M)
 
 
 def _connection(way: Way, frame: _Frame) -> _PlainConnection:
@@ -192,6 +219,9 @@ def _notes(lane_map: LaneMap, layout: Layout, speed_mps: float) -> Iterable[str]
     for left_out in (lane_map.left_out, layout.left_out):
         for what, count in left_out.items():
             yield f"left out of the map: {count} {what}"
+    narrow = sum(_closed(lane) and lane.type != "shoulder" for road in layout.roads for lane in road.lanes)
+    if narrow:
+        yield f"{narrow} lanes are narrower than {NARROWEST_M:g} m and are closed to traffic"
     without = sum(lane.speed_mps is None for lane in lane_map.lanes.values())
     if without:
         kmh = math.ceil(speed_mps * 3.6)

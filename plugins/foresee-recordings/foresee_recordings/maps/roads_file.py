@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.files import read_outside_text
+from foresee_recordings.maps.lanelet2 import read_lanelet2
+from foresee_recordings.maps.network import SPEED_MPS, network_of
 from foresee_recordings.recording import RecordedMap, RecordingError
 
 _AS_THEY_ARE = (".net.xml", ".xodr", ".foresee")
 """Files that a scenario can use as its network without a conversion."""
 
 
-def roads_of_file(path: Path) -> RecordedMap:
+def roads_of_file(
+    path: Path, *, origin_m: tuple[float, float] = (0.0, 0.0), speed_mps: float = SPEED_MPS
+) -> RecordedMap:
     """Return the roads of a file.
+
+    Args:
+        origin_m: the origin of the recording's positions in the map's coordinates, m: levelX's `xUtmOrigin` and
+            `yUtmOrigin` for a lanelet2 map in UTM.
+        speed_mps: speed limit of lanes without one.
 
     Raises:
         RecordingError: it cannot be read, or is not a map.
     """
+    if path.suffix == ".osm":
+        roads = network_of(read_lanelet2(path), speed_mps)
+        return replace(roads, offset=(roads.offset[0] + origin_m[0], roads.offset[1] + origin_m[1]))
     suffix = next((suffix for suffix in _AS_THEY_ARE if path.name.endswith(suffix)), "")
     if not suffix:
-        raise RecordingError(f"{path} is not a map: its name must end in {', '.join(_AS_THEY_ARE)}")
+        raise RecordingError(f"{path} is not a map: its name must end in {', '.join((*_AS_THEY_ARE, '.osm'))}")
     try:
-        return RecordedMap(read_outside_text(path), suffix)
+        return RecordedMap(read_outside_text(path), suffix, origin_m)
     except OSError as err:
         raise RecordingError(f"{path} cannot be read: {err.strerror or err}") from err
     except UnicodeDecodeError as err:

@@ -10,11 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
+from foresee_recordings.maps.argoverse import lanes_of
+from foresee_recordings.maps.network import network_of
 from foresee_recordings.readers.classes import Shape, usual_shape
 from foresee_recordings.readers.parquet import rows_of
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
-from foresee_recordings.recording import Recording, RecordingError
+from foresee_recordings.recording import RecordedMap, Recording, RecordingError
 
 _STEP_S = 0.1
 """Time between two samples, s (the data set's user guide: 10 Hz)."""
@@ -56,7 +58,22 @@ class ArgoverseReader:
         for type_, count in others.most_common(8):
             samples.left_out[f"samples of objects of the type {type_}, whose size is not known"] += count
         samples.note("The data set has no sizes: those that are usual for the classes are used.")
-        return samples.recording("argoverse", shapes, source=file)
+        return samples.recording("argoverse", shapes, source=file, roads=_roads(request, file, samples))
+
+
+def _roads(request: Request, file: Path, samples: Samples) -> RecordedMap | None:
+    """Return the network of the map beside a scenario, unless the request names another one."""
+    beside = file.with_name(f"log_map_archive_{file.stem.removeprefix('scenario_')}.json")
+    if request.map_file is not None or not beside.exists():
+        return None
+    lane_map = lanes_of(beside)
+    for what, count in lane_map.left_out.items():
+        samples.left_out[what] += count
+    try:
+        return network_of(lane_map)
+    except RecordingError as err:
+        samples.note(f"The map {beside.name} was left out: {err}")
+        return None
 
 
 def _scenarios_in(folder: Path) -> list[Path]:

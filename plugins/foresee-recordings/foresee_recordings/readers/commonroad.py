@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import io
 import math
-from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.safe_xml import children_of, open_packed
 from foresee_recordings.maps.commonroad import Lanelets
-from foresee_recordings.maps.network import network_of
-from foresee_recordings.maps.roads_file import roads_of_file
+from foresee_recordings.maps.network import network_of, usual_speed
+from foresee_recordings.readers.classes import Shape, kind_by_size
 from foresee_recordings.readers.commonroad_numbers import Footprint, State, footprint_of, state_of
 from foresee_recordings.readers.commonroad_signals import TrafficLight, signal_tracks
-from foresee_recordings.readers.track_samples import Samples, check_any, name_for, source_hash, wanted
+from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
-from foresee_recordings.recording import RecordedMap, Recording, RecordingError, Track
+from foresee_recordings.recording import RecordedMap, Recording, RecordingError
 
 _WHAT = "a CommonRoad scenario"
 _ROOT_BYTES = 1 << 16
@@ -40,10 +40,7 @@ _KINDS = {
     "constructionZone": "obstacle",
     "pillar": "obstacle",
 }
-"""Our class for each of CommonRoad's types. `unknown` depends on the size; other types are left out."""
-_VEHICLE_M = 2.5
-"""Smallest length of an obstacle of unknown type that counts as a car, m. Ours: the shortest cars (smart: 2.5 m)."""
-_OF_UNKNOWN_TYPE = "moving obstacles of unknown type are cars from a length of 2.5 m on, otherwise pedestrians"
+"""Our class for each of CommonRoad's types. Other types are left out; the size decides about `unknown`."""
 _OBSTACLES = ("obstacle", "staticObstacle", "dynamicObstacle")
 _LEFT_OUT = {
     "environmentObstacle": "buildings and other obstacles of the surroundings",
@@ -68,7 +65,6 @@ class CommonRoad:
             RecordingError: the file is not of this format, is damaged, or exceeds a limit.
         """
         path = request.path
-        digest = source_hash(path)
         scenario = _Scenario(request, _step_of(path))
         for element in children_of(path, "commonRoad", _WHAT, RecordingError):
             try:
@@ -76,34 +72,21 @@ class CommonRoad:
             except ValueError as err:
                 place = f"<{element.tag} id={element.get('id', '')!r}>"
                 raise RecordingError(f"{path}: {place}: {err}") from err
-        tracks = scenario.tracks()
-        check_any(request, tracks)
-        ends = (min(t.time_s[0] for t in tracks), max(t.time_s[-1] for t in tracks))
-        stop_lines = scenario.lanelets.stop_lines()
-        return Recording(
-            name=name_for(path.stem),
-            source=path,
-            sha256=digest,
-            format="commonroad",
-            tracks=tracks,
-            signals=signal_tracks(scenario.lights, stop_lines, scenario.step_s, ends),
-            roads=scenario.roads(),
-            left_out=+scenario.left_out,
-            notes=tuple(scenario.notes),
-        )
+        return scenario.recording()
 
 
 class _Scenario:
     """Everything of a scenario that is kept while its file is read."""
 
     def __init__(self, request: Request, step_s: float) -> None:
-        self.request, self.step_s = request, step_s
         self.lanelets = Lanelets()
-        self.lights: list[TrafficLight] = []
-        self.left_out: Counter[str] = Counter()
-        self.notes: dict[str, None] = {}
-        self._tracks: list[Track] = []
-        self._static: list[tuple[str, str, Footprint, State]] = []
+        self._request, self._step_s = request, step_s
+        self._samples = Samples(request)
+        self._lights: list[TrafficLight] = []
+        self._footprints: dict[str, Footprint] = {}
+        self._shapes: dict[str, Shape] = {}
+        self._static: dict[str, State] = {}
+        self._ends = (math.inf, -math.inf)
 
     def take(self, element: Element) -> None:
         """Take one element below the root.
@@ -114,37 +97,34 @@ class _Scenario:
         if element.tag in _OBSTACLES:
             self._take_obstacle(element)
         elif element.tag == "trafficLight":
-            self.lights.append(TrafficLight.of(element))
+            self._lights.append(TrafficLight.of(element))
         elif element.tag in _LEFT_OUT:
-            self.left_out[_LEFT_OUT[element.tag]] += 1
+            self._samples.left_out[_LEFT_OUT[element.tag]] += 1
         else:
             self.lanelets.take(element)
 
-    def tracks(self) -> tuple[Track, ...]:
-        """Return all tracks. Static obstacles stay from the beginning to the end of the recording."""
-        request = self.request
-        times = [time for track in self._tracks for time in (track.time_s[0], track.time_s[-1])]
-        for id_, kind, footprint, state in self._static:
-            samples = Samples()
-            for time_s in sorted({min(times), max(times)}) if times else [state.step * self.step_s]:
-                if request.begins_s <= time_s <= request.ends_s:
-                    samples.add(time_s, *footprint.centre_at(state), state.heading, 0.0)
-            track = samples.track(id_, kind, footprint.size_m, self.left_out)
-            if track is not None:
-                self._tracks.append(track)
-        return tuple(self._tracks)
+    def recording(self) -> Recording:
+        """Return the recording. Static obstacles stay from its beginning to its end."""
+        ends = self._ends
+        for id_, state in self._static.items():
+            times = ends if ends[0] < ends[1] else (state.step * self._step_s, (state.step + 1) * self._step_s)
+            for time_s in times:
+                if self._samples.wants(id_, time_s):
+                    self._samples.add(id_, time_s, state.x, state.y, state.heading, 0.0)
+        tracks = self._samples.recording(
+            "commonroad", self._shapes, offset_m=lambda actor, _: self._footprints[actor].centre
+        )
+        signals = signal_tracks(
+            self._lights, self.lanelets.stop_lines(), self._step_s, (tracks.begins_s, tracks.ends_s)
+        )
+        return replace(tracks, signals=signals, roads=tracks.roads or self._roads(tracks))
 
-    def roads(self) -> RecordedMap | None:
-        """Return the roads: from the file that the request names, otherwise from the lanelets."""
-        if self.request.map_file is not None:
-            return roads_of_file(self.request.map_file)
+    def _roads(self, recording: Recording) -> RecordedMap | None:
         lanes = self.lanelets.lane_map()
-        return network_of(lanes) if lanes.lanes else None
+        return network_of(lanes, usual_speed(recording.tracks)) if lanes.lanes else None
 
     def _take_obstacle(self, element: Element) -> None:
         id_ = element.get("id", "")
-        if not wanted(self.request, id_):
-            return
         type_ = (element.findtext("type") or "unknown").strip()
         shape, start = element.find("shape"), element.find("initialState")
         if shape is None or start is None:
@@ -153,54 +133,48 @@ class _Scenario:
         static = element.tag == "staticObstacle" or (element.findtext("role") or "").strip() == "static"
         kind = self._kind(type_, footprint, static=static)
         if kind is None:
-            self.left_out[f"obstacles of the type {type_}"] += 1
-        elif static:
-            self._take_static(id_, kind, footprint, state_of(start))
+            self._samples.left_out[f"obstacles of the type {type_}"] += 1
+            return
+        self._samples.take_room()
+        self._footprints[id_], self._shapes[id_] = footprint, Shape(kind, *footprint.size_m)
+        if static:
+            self._take_static(id_, state_of(start))
         else:
-            self._take_moving(element, id_, kind, footprint, start)
+            self._take_moving(id_, element, start)
 
     def _kind(self, type_: str, footprint: Footprint, *, static: bool) -> str | None:
         if type_ != "unknown":
             return _KINDS.get(type_)
         if static:
             return "obstacle"
-        self.notes[_OF_UNKNOWN_TYPE] = None
-        return "car" if footprint.size_m[0] >= _VEHICLE_M else "pedestrian"
+        self._samples.note("Moving obstacles of unknown type have the class of their size.")
+        return kind_by_size(*footprint.size_m)
 
-    def _take_static(self, id_: str, kind: str, footprint: Footprint, state: State | None) -> None:
+    def _take_static(self, id_: str, state: State | None) -> None:
         if state is None:
-            self.left_out["obstacles without a position"] += 1
-            return
-        self._static.append((id_, kind, footprint, state))
+            self._samples.left_out["obstacles without a position"] += 1
+        else:
+            self._static[id_] = state
 
-    def _take_moving(self, element: Element, id_: str, kind: str, footprint: Footprint, start: Element) -> None:
+    def _take_moving(self, id_: str, element: Element, start: Element) -> None:
         self._count_lost(element)
-        samples, request = Samples(), self.request
+        samples = self._samples
         for part in (start, *element.iterfind("trajectory/state")):
             state = state_of(part)
             if state is None:
-                self.left_out["states without a position or a time"] += 1
+                samples.left_out["states without a position or a time"] += 1
                 continue
             if state.uncertain:
-                self.notes["of positions, directions and speeds that are ranges, the middle is taken"] = None
-            if math.isnan(state.heading) or math.isnan(state.speed):
-                self.notes["directions and speeds that the file lacks are those of the motion"] = None
-            time_s = state.step * self.step_s
-            if request.begins_s <= time_s <= request.ends_s:
-                samples.add(time_s, *footprint.centre_at(state), state.heading, state.speed)
-        if not len(samples):
-            return
-        track = samples.track(id_, kind, footprint.size_m, self.left_out)
-        if track is not None:
-            self._tracks.append(track)
+                samples.note("Of positions, directions and speeds that are ranges, the middle is taken.")
+            time_s = state.step * self._step_s
+            if samples.wants(id_, time_s) and samples.add(id_, time_s, state.x, state.y, state.heading, state.speed):
+                self._ends = min(self._ends[0], time_s), max(self._ends[1], time_s)
 
     def _count_lost(self, element: Element) -> None:
         occupancies = len(element.findall("occupancySet/occupancy"))
-        if occupancies:
-            self.left_out["occupancies (predicted areas in place of positions)"] += occupancies
         signals = len(element.findall("signalSeries/signalState")) + (element.find("initialSignalState") is not None)
-        if signals:
-            self.left_out["states of a vehicle's lights and horn"] += signals
+        self._samples.left_out["occupancies (predicted areas in place of positions)"] += occupancies
+        self._samples.left_out["states of a vehicle's lights and horn"] += signals
 
 
 def _step_of(path: Path) -> float:

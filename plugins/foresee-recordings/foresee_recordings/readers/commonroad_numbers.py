@@ -35,15 +35,6 @@ class Footprint:
     size_m: tuple[float, float]
     centre: tuple[float, float]
 
-    def centre_at(self, state: State) -> tuple[float, float]:
-        """Return the rectangle's centre in the world, m."""
-        ahead, left = self.centre
-        if not ahead and not left:
-            return state.x, state.y
-        heading = 0.0 if math.isnan(state.heading) else state.heading
-        cos, sin = math.cos(heading), math.sin(heading)
-        return state.x + ahead * cos - left * sin, state.y + ahead * sin + left * cos
-
 
 def footprint_of(shape: Element) -> Footprint:
     """Return the rectangle around a `<shape>`.

@@ -70,7 +70,7 @@ class FcdReader:
         types: dict[str, str] = {}
         for timestep in children_of(request.path, "fcd-export", "SUMO's FCD output", RecordingError, limit=None):
             time_s = _number(request, timestep.get("time"), "the time of a timestep")
-            if time_s > request.ends_s:
+            if samples.is_over(time_s):
                 samples.wants("", time_s)
                 break
             for element in timestep:
@@ -173,4 +173,5 @@ def _defined_shape(file: Path, type_: Element) -> Shape | None:
         length_m, width_m = float(type_.get("length", length_m)), float(type_.get("width", width_m))
     except ValueError as err:
         raise RecordingError(f"{file}: type {type_.get('id')!r}: {err}") from None
-    return shape_of(kind if class_ else kind_of(type_.get("id", "")) or kind, length_m, width_m)
+    named = None if class_ in SUMO_SIZES_M else kind_of(type_.get("id", ""))
+    return shape_of(named or kind, length_m, width_m)

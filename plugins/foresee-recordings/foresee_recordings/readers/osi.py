@@ -17,11 +17,18 @@ from foresee_recordings.reading import Request
 from foresee_recordings.recording import RecordedMap, Recording
 
 _VEHICLES: Mapping[str, str] = {
-    "CAR": "car", "SMALL_CAR": "car", "COMPACT_CAR": "car", "MEDIUM_CAR": "car", "LUXURY_CAR": "car",
-    "DELIVERY_VAN": "van", "HEAVY_TRUCK": "truck", "SEMITRACTOR": "truck", "SEMITRAILER": "truck", "TRAILER": "truck",
-    "MOTORBIKE": "motorcycle", "BICYCLE": "bicycle", "BUS": "bus", "TRAM": "bus", "WHEELCHAIR": "pedestrian",
-    "STANDUP_SCOOTER": "bicycle",
-}  # fmt: skip
+    word: kind
+    for kind, words in {
+        "car": "CAR SMALL_CAR COMPACT_CAR MEDIUM_CAR LUXURY_CAR",
+        "van": "DELIVERY_VAN VAN",
+        "truck": "HEAVY_TRUCK SEMITRACTOR SEMITRAILER TRAILER WORK_MACHINE",
+        "bus": "BUS TRAM",
+        "motorcycle": "MOTORBIKE MOTORCYCLE",
+        "bicycle": "BICYCLE STANDUP_SCOOTER MICROMOBILITY_DEVICE",
+        "pedestrian": "WHEELCHAIR",
+    }.items()
+    for word in words.split()
+}
 """Our kinds of OSI's types of vehicles (osi_object.proto); others, such as trains, are left out."""
 _OBSTACLES = ("PYLON", "CONSTRUCTION_SITE_ELEMENT", "BARRIER")
 """OSI's types of stationary objects that may stand on a road."""
@@ -51,9 +58,9 @@ class OsiReader:
         trace = osi_files.Trace(request.path)
         objects, lights = _Objects(samples), Lights()
         for message in trace.ground_truths():
-            time_s = message.timestamp.seconds + message.timestamp.nanos * 1e-9
+            time_s = message.timestamp.seconds + message.timestamp.nanos / 1e9
             objects.add(message, time_s)
-            lights.add(message, time_s, within=request.begins_s <= time_s <= request.ends_s)
+            lights.add(message, time_s, within=samples.covers(time_s))
         samples.left_out.update(trace.left_out)
         roads = None if trace.opendrive is None else RecordedMap(trace.opendrive, ".xodr")
         for sentence in objects.notes():
@@ -143,7 +150,7 @@ def _moving_kind(thing: Any) -> str | None:  # noqa: ANN401
     if thing.type == types.TYPE_OTHER:
         return "obstacle"
     word = types.VehicleClassification.Type.Name(thing.vehicle_classification.type).removeprefix("TYPE_")
-    if thing.type != types.TYPE_VEHICLE or word in ("UNKNOWN", "OTHER"):
+    if thing.type != types.TYPE_VEHICLE or word in ("UNKNOWN", "OTHER", "LAND_VEHICLE"):
         return None
     return _VEHICLES.get(word, "")
 

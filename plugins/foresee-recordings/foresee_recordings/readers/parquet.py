@@ -44,7 +44,7 @@ def _check_columns(path: Path, schema: Any, texts: Sequence[str], numbers: Seque
         raise RecordingError(f"{path} has no column {', '.join(missing)}; its columns are {listed(schema.names)}")
     for name in numbers:
         type_ = schema.field(name).type
-        if not (types.is_integer(type_) or types.is_floating(type_)):
+        if not (types.is_integer(type_) or types.is_floating(type_) or types.is_null(type_)):
             raise RecordingError(f"{path}: the values of column {name} are {type_}, not numbers")
 
 

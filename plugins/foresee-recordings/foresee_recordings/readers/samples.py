@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
+from foresee_recordings.maps.roads_file import roads_of_file
 from foresee_recordings.readers.classes import Shape
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import FloatArray, RecordedMap, Recording, RecordingError, SignalTrack, Track
@@ -46,6 +47,7 @@ _CHECKED_STEPS = 50
 _SAME_M = 0.01
 """Two samples at one time that are nearer than this are the same, m. Ours: the last digit of most files."""
 _ROUNDING_S = 1e-6
+"""Times that differ by less are equal, s. Ours: data sets write milliseconds or nanoseconds."""
 
 
 class Samples:
@@ -59,7 +61,8 @@ class Samples:
 
     def __init__(self, request: Request) -> None:
         self._request = request
-        self._begins_s, self._ends_s, self._actors = request.begins_s, request.ends_s, request.actors
+        self._begins_s, self._ends_s = request.begins_s - _ROUNDING_S, request.ends_s + _ROUNDING_S
+        self._actors = request.actors
         self._buffers: dict[str, array[float]] = {}
         self._limit = round(most("recording"))
         self._room = self._limit
@@ -78,6 +81,14 @@ class Samples:
         if math.isnan(time_s):
             self.left_out["samples with a number that is not finite"] += 1
         return False
+
+    def covers(self, time_s: float) -> bool:
+        """Return whether a time is within the request."""
+        return self._begins_s <= time_s <= self._ends_s
+
+    def is_over(self, time_s: float) -> bool:
+        """Return whether a time is after the request's end, so that a file in the order of time is read no further."""
+        return time_s > self._ends_s
 
     def add(
         self, actor: str, time_s: float, x: float, y: float, heading: float = math.nan, speed: float = math.nan
@@ -139,6 +150,7 @@ class Samples:
             shapes: the class and size of each actor; others are left out (the caller counts them).
             offset_m: the footprint's centre seen from a sample's position, ahead and left, m; None: the same place.
             source: the file that was read, if the request names a folder.
+            roads: the map in or beside the file; a map of the request is used instead.
 
         Raises:
             RecordingError: no sample is left, or the positions, times or speeds are in another unit.
@@ -157,6 +169,8 @@ class Samples:
                 tracks.append(self._track(name, form, motion, offset))
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
+        if self._request.map_file is not None:
+            roads = roads_of_file(self._request.map_file)
         return Recording(
             name_of(path), path, digest(path), format_, tuple(tracks), signals, roads, +self.left_out, tuple(self.notes)
         )
@@ -166,7 +180,7 @@ class Samples:
         if self._last_s < self._first_s:
             return "it has no samples"
         times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
-        wanted = f"from {self._begins_s:g} s to {self._ends_s:g} s"
+        wanted = f"from {self._request.begins_s:g} s to {self._request.ends_s:g} s"
         actors = f" of {', '.join(sorted(self._actors)[:5])}" if self._actors else ""
         return f"no actor{actors} has two usable samples {wanted}; {times}"
 

@@ -1,0 +1,136 @@
+"""Runs as CommonRoad scenarios (XML, version 2020a): lanelets, speed limits, and an obstacle for each actor.
+
+The file has no planning problem: the ego is the obstacle 1, in the motion of the run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.exchange.lanes import beside, lane_links, shifted
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_recordings.exporting.runs import Run, lost_in_all, render
+from foresee_recordings.recording import FloatArray, Track
+
+_TYPES: Mapping[str, str] = {
+    "car": "car", "van": "car", "truck": "truck", "bus": "bus", "motorcycle": "motorcycle", "bicycle": "bicycle",
+    "pedestrian": "pedestrian", "obstacle": "unknown",
+}  # fmt: skip
+"""CommonRoad's types of obstacles for our kinds; it has none for vans."""
+_STILL_M = 1e-3
+"""An obstacle that moves less is a static one, m. Ours."""
+
+
+class _Lanelet(NamedTuple):
+    """A lane: its id and borders, the ids of those before, after and beside it, its type, users and speed sign."""
+
+    id: int
+    left: FloatArray
+    right: FloatArray
+    predecessors: list[int]
+    successors: list[int]
+    left_id: int | None
+    right_id: int | None
+    type: str
+    users: tuple[str, ...]
+    sign: int | None
+
+
+class _Obstacle(NamedTuple):
+    """An actor: its id, type, size, and states (time step, x, y, heading, speed); `is_still`: it never moves."""
+
+    id: int
+    type: str
+    length_m: float
+    width_m: float
+    states: list[tuple[int, float, float, float, float]]
+    is_still: bool
+
+
+def write(folder: Path, run: Run) -> None:
+    """Write the file of a run."""
+    obstacles = [_obstacle(k, track) for k, track in enumerate(run.recording.tracks, start=1)]
+    lanelets, signs = _lanelets(run.bundle.network, len(obstacles) + 1)
+    render(
+        folder / f"{run.name}.xml",
+        "commonroad.xml",
+        benchmark=f"ZAM_{''.join(re.findall('[A-Za-z0-9]+', run.name.title())) or 'Run'}-1_1_T-1",
+        step=STEP_S,
+        lanelets=lanelets,
+        signs=signs,
+        still=[obstacle for obstacle in obstacles if obstacle.is_still],
+        moving=[obstacle for obstacle in obstacles if not obstacle.is_still],
+    )
+
+
+def left_out(run: Run) -> Counter[str]:
+    """Return counts of what the file does not express."""
+    network, tracks = run.bundle.network, run.recording.tracks
+    counts = {
+        "signals": len(run.bundle.signals),
+        "buildings": len(network.buildings),
+        "right of way at junctions": len({movement.junction for movement in network.movements}),
+        "classes of vans, which are cars": sum(track.kind == "van" for track in tracks),
+        "classes of obstacles, which are unknown": sum(track.kind == "obstacle" for track in tracks),
+    }
+    return lost_in_all(run) + Counter(counts)
+
+
+def _obstacle(id_: int, track: Track) -> _Obstacle:
+    steps = (track.time_s / STEP_S).round().astype(int).tolist()
+    states = [(step, *state) for step, state in zip(steps, track.states.tolist(), strict=True)]
+    spread = (track.states[:, :2].max(axis=0) - track.states[:, :2].min(axis=0)).max()
+    is_still = track.kind == "obstacle" and spread < _STILL_M
+    return _Obstacle(id_, _TYPES[track.kind], track.length_m, track.width_m, states, is_still)
+
+
+def _lanelets(network: RoadNetwork, first_id: int) -> tuple[list[_Lanelet], list[tuple[int, float]]]:
+    """Return the lanes that have users, and the signs of their speed limits: id and limit, m/s."""
+    lanes = [lane for lane in network.lanes.values() if lane.kinds and len(lane.shape) > 1]
+    ids = {lane.id: first_id + k for k, lane in enumerate(lanes)}
+    limits = sorted({lane.speed_mps for lane in lanes if _has_limit(lane)})
+    signs = {limit: first_id + len(lanes) + k for k, limit in enumerate(limits)}
+    links = lane_links(network)
+    lanelets = []
+    for lane in lanes:
+        before, after = links.get(lane.id, ((), ()))
+        sides = [beside(network, lane, side) for side in (1, -1)]
+        left_id, right_id = (None if other is None else ids.get(other.id) for other in sides)
+        type_, users = _use(lane)
+        lanelets.append(
+            _Lanelet(
+                ids[lane.id],
+                shifted(lane.shape, lane.width_m / 2),
+                shifted(lane.shape, -lane.width_m / 2),
+                [ids[name] for name in before if name in ids],
+                [ids[name] for name in after if name in ids],
+                left_id,
+                right_id,
+                type_,
+                users,
+                signs[lane.speed_mps] if _has_limit(lane) else None,
+            )
+        )
+    return lanelets, [(id_, limit) for limit, id_ in signs.items()]
+
+
+def _has_limit(lane: Lane) -> bool:
+    """Return whether a lane's speed is its limit; inside junctions it is SUMO's speed of turning."""
+    return "car" in lane.kinds and not lane.internal
+
+
+def _use(lane: Lane) -> tuple[str, tuple[str, ...]]:
+    """Return CommonRoad's type of a lanelet, and its users."""
+    if "car" in lane.kinds:
+        return ("intersection" if lane.internal else "urban"), ("vehicle",)
+    if "pedestrian" in lane.kinds:
+        return ("crosswalk" if lane.internal else "sidewalk"), ("pedestrian",)
+    if "bicycle" in lane.kinds and "bus" not in lane.kinds:
+        return "bicycleLane", ("bicycle",)
+    return ("busLane", ("bus",)) if "bus" in lane.kinds else ("unknown", ("vehicle",))
