@@ -52,6 +52,14 @@ def test_conditions_and_egos(table: Path) -> None:
     assert "no situations" in foresee("mine", table, "--find", "ttc(ego, pedestrian) < 2 s").stdout
 
 
+def test_cases_of_a_recording_without_a_map(table: Path, tmp_path: Path) -> None:
+    done = foresee("mine", table, "--situation", "cut_in", "--write", tmp_path, "--json")
+    cases = checked(done.stdout)["cases"]
+    assert [case["situation"] for case in cases] == [1, 2] and all(case["file"] for case in cases)
+    assert any("guessed from the tracks" in note for note in cases[0]["notes"])
+    foresee("check", tmp_path)
+
+
 @pytest.mark.parametrize("columns", [80, 160])
 def test_no_text_is_cut(table: Path, columns: int) -> None:
     found = search(Traffic(read(Request(table))))
@@ -74,7 +82,6 @@ def test_no_text_is_cut(table: Path, columns: int) -> None:
         (("--find", "distance(ego, a) < 3 m and distance(b, c) < 3 m"), "at most 3 actors"),
         (("--situation", "cutting_in"), "there are cut_in"),
         (("--ego", "nobody"), "has no actor 'nobody'"),
-        (("--write", "mined"), "name a file of them with --map"),
         (("--reader", "nothing"), "nothing"),
     ],
 )

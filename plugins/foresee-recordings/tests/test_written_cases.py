@@ -132,7 +132,8 @@ def test_what_cannot_be_used_is_said(recorded: Recorded, tmp_path: Path) -> None
     assert "on none of the map's lanes" in write_seconds(Traffic(elsewhere), "ego", tmp_path, Choice()).reason
     assert list(tmp_path.iterdir()) == []  # nothing is written
     with pytest.raises(RecordingError, match="--map"):
-        write_seconds(Traffic(replace(recording, roads=None)), "ego", tmp_path, Choice())
+        alone = replace(recording, roads=None, tracks=(recording.track("walker"),))
+        write_seconds(Traffic(alone), "walker", tmp_path, Choice())
     with pytest.raises(RecordingError, match="no actor 'nobody'"):
         write_seconds(recorded.traffic, "ego", tmp_path, Choice(driven=frozenset({"nobody"})))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.printer import print_model
+from foresee_recordings.maps.from_tracks import roads_of
 from foresee_recordings.maps.matching import route_of
 from foresee_recordings.mined import WrittenCase
 from foresee_recordings.mining.roads import network_of
@@ -86,11 +87,10 @@ def write_seconds(traffic: Traffic, ego: str, folder: Path, choice: Choice) -> W
 
 def _write(traffic: Traffic, tasks: Iterable[_Task], folder: Path, choice: Choice) -> tuple[WrittenCase, ...]:
     recording = traffic.recording
-    roads, network = recording.roads, network_of(recording)
-    if roads is None or network is None:
-        raise RecordingError(
-            f"{recording.source.name} has no roads, which a test case needs; name a file of them with --map FILE"
-        )
+    roads = roads_of(recording)
+    if roads is None:
+        raise RecordingError(f"{recording.source.name} has no roads, and no vehicle in it moves; name a map with --map")
+    network = network_of(roads)
     for name in choice.driven:
         recording.track(name)
     base = word(recording.name) or "recording"
@@ -116,6 +116,8 @@ def _write(traffic: Traffic, tasks: Iterable[_Task], folder: Path, choice: Choic
         )
         texts[folder / files.tracks], texts[file] = tracks, print_model(model)
         notes = _notes(traffic, cut)
+        if recording.roads is None and not any(case.file for case in cases):  # once, not for each test case
+            notes = (*notes, *roads.notes)
         cases.append(WrittenCase(task.number, file, "", len(roles) - 1, cut.left_out, notes))
     if texts:
         texts = {
