@@ -28,11 +28,11 @@ WITHIN_S = 3.0
 
 @dataclass(frozen=True)
 class Score:
-    """How many planted situations were found, and how many of those found were planted."""
+    """How many planted situations were found, and how many of those reported were planted."""
 
     kind: str
     planted: int
-    found: int
+    reported: int
     right: int
     hit: int
     missed: tuple[str, ...]
@@ -45,8 +45,8 @@ class Score:
 
     @property
     def precision(self) -> float:
-        """Share of the situations found that were planted."""
-        return self.right / self.found if self.found else 0.0
+        """Share of the reported situations that were planted."""
+        return self.right / self.reported if self.reported else 0.0
 
 
 def planted(kind: str, each: int, seed: int) -> tuple[Recording, dict[str, float]]:
@@ -68,11 +68,11 @@ def planted(kind: str, each: int, seed: int) -> tuple[Recording, dict[str, float
 def score(kind: str, each: int, seed: int) -> Score:
     """Search a generated recording for the situations of a kind."""
     recording, moments = planted(kind, each, seed)
-    found = search(Traffic(recording), names=[kind])
-    right = [s for s in found if _is_planted(s, moments)]
+    situations = search(Traffic(recording), names=[kind])
+    right = [s for s in situations if _is_planted(s, moments)]
     hit = {s.ego.split("_")[0] for s in right}
-    wrong = tuple(s for s in found if s not in right)
-    return Score(kind, len(moments), len(found), len(right), len(hit), tuple(sorted({*moments} - hit)), wrong)
+    wrong = tuple(s for s in situations if s not in right)
+    return Score(kind, len(moments), len(situations), len(right), len(hit), tuple(sorted({*moments} - hit)), wrong)
 
 
 def _is_planted(situation: Situation, moments: dict[str, float]) -> bool:
@@ -100,7 +100,8 @@ def main() -> None:
         for kind in options.kinds.split(","):
             result = score(kind, options.each, seed)
             print(
-                f"{kind:20} {seed:4} {result.planted:7} {result.found:5} {result.recall:7.1%} {result.precision:9.1%}"
+                f"{kind:20} {seed:4} {result.planted:7} {result.reported:5} "
+                f"{result.recall:7.1%} {result.precision:9.1%}"
             )
             if options.show:
                 print("  missed", *result.missed)

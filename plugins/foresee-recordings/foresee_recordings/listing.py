@@ -10,7 +10,7 @@ from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
 from foresee_recordings.mined import WrittenCase
-from foresee_recordings.mining.situation import Situation, shown
+from foresee_recordings.mining.situation import Situation, measure_text
 from foresee_recordings.recording import Recording
 
 
@@ -41,7 +41,7 @@ def print_situations(console: Console, situations: Sequence[Situation], *, total
     ):
         table.add_column(heading, justify="right" if justify == "right" else "left", no_wrap=whole, overflow="fold")
     for number, situation in enumerate(situations, 1):
-        measures = ", ".join(shown(key, value) for key, value in situation.measures.items())
+        measures = ", ".join(measure_text(key, value) for key, value in situation.measures.items())
         words = Group(Text(safe(situation.sentence)), Text(measures, style="dim"))
         ego = Text(safe(situation.ego))
         table.add_row(str(number), f"{situation.moment_s:.2f} s", situation.name, ego, words)

@@ -12,6 +12,7 @@ from foresee_recordings.mining.search import search
 from foresee_recordings.mining.traffic import Traffic
 from foresee_recordings.recording import RecordedMap, Recording, RecordingError
 from foresee_recordings.scenarios.models_file import Models
+from foresee_recordings.scenarios.tracks_file import samples
 from foresee_recordings.scenarios.writing import Choice, write_cases, write_seconds
 from foresee_recordings.traces import recording_of
 
@@ -118,6 +119,13 @@ def test_who_drives_the_others_is_in_the_file(recorded: Recorded, tmp_path: Path
     assert 'pedestrian pwalker: pedestrian.r04x06 {\n    track "walker"\n  }' in texts["drive"]
     driven = write_seconds(recorded.traffic, "ego", tmp_path / "one", Choice(driven=frozenset({"lead"})))
     assert driven.file is not None and 'track "lead"' not in driven.file.read_text()
+
+
+def test_times_that_round_to_one_are_one(recorded: Recorded) -> None:
+    track = recorded.traffic.recording.track("lead")
+    uneven = replace(track, time_s=track.time_s + 1e-7 * np.sin(np.arange(len(track.time_s))))
+    times = samples(uneven, 0.05, 3.0000004, (0.0, 0.0))[:, 0]
+    assert np.diff(times).min() > 0.0009 and times[0] == 0.0 and times[-1] == pytest.approx(2.95)
 
 
 def test_what_cannot_be_used_is_said(recorded: Recorded, tmp_path: Path) -> None:

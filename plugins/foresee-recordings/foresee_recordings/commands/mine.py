@@ -130,8 +130,8 @@ def mine(
     traffic = Traffic(read(request, reader))
     if ego:
         traffic.recording.track(ego)
-    found = search(traffic, find or (), situation or (), within_m=within)
-    chosen = tuple(s for s in found if ego in ("", s.ego))
+    situations = search(traffic, find or (), situation or (), within_m=within)
+    chosen = tuple(s for s in situations if ego in ("", s.ego))
     total = len(chosen)
     if top is not None:
         chosen = most_critical(chosen, top)

@@ -32,7 +32,7 @@ class Crossing:
 
     Attributes:
         first, second: numbers of the actors, in the order in which they pass. leaves, reaches: the frames between which
-            nobody is at the place: the first actor's last one and the second's first one; at a contact they are equal.
+            the place is free: the first actor's last one and the second's first one; at a contact they are equal.
         pet_s: time between them, s.
         place: where the paths cross, m.
     """

@@ -63,7 +63,7 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
             "a pedestrian crosses the ego's way, within 5 s of its passing", detectors.crossing_pedestrians
         ),
         # 1.5 s: Gettman et al., "Surrogate Safety Assessment Model and Validation" (FHWA-HRT-08-051, 2008), the default
-        # for a conflict. 0.2 s is ours: a single sample with a wrong heading is no conflict. Boxes that
+        # for a conflict. 0.2 s is ours: a single sample with a wrong heading does not count. Boxes that
         # overlap are left out: in recordings they are errors of sizes, and a real contact is found before it happens.
         "low_ttc": Named(
             "two actors would touch within 1.5 s",

@@ -25,7 +25,7 @@ from foresee_dsl.report.drawing.sheet import (
 from foresee_dsl.report.safe_text import safe, shortened
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.roads import ground_around
-from foresee_recordings.mining.situation import Situation, shown
+from foresee_recordings.mining.situation import Situation, measure_text
 from foresee_recordings.mining.traffic import Traffic, X, Y
 from foresee_recordings.recording import FloatArray
 
@@ -65,7 +65,7 @@ def picture(traffic: Traffic, situation: Situation) -> Sheet:
     ]
     below, height = legend(keys, WIDTH + 2 * PAD, top + HEIGHT + PAD, _SIZES)
     title = f"{situation.name.replace('_', ' ')} at {situation.moment_s:.2f} s of {traffic.recording.source.name}"
-    measures = ", ".join(shown(key, value) for key, value in situation.measures.items())
+    measures = ", ".join(measure_text(key, value) for key, value in situation.measures.items())
     head = DrawnPart(
         "header",
         words=(

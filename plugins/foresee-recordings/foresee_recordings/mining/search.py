@@ -41,11 +41,11 @@ def search(
     situations: list[Situation] = []
     for number, query in enumerate(queries, 1):
         name = FIND if len(queries) == 1 else f"{FIND}_{number}"
-        found = _once(traffic, query.occurrences(traffic, within_m))
-        situations += (situation(traffic, name, occurrence, _HOLDS) for occurrence in found)
+        occurrences = _once(traffic, query.occurrences(traffic, within_m))
+        situations += (situation(traffic, name, occurrence, _HOLDS) for occurrence in occurrences)
     for name, named in chosen:
-        found = _once(traffic, named.occurrences(traffic, within_m))
-        situations += (situation(traffic, name, occurrence, named.words) for occurrence in found)
+        occurrences = _once(traffic, named.occurrences(traffic, within_m))
+        situations += (situation(traffic, name, occurrence, named.words) for occurrence in occurrences)
     return tuple(sorted(situations, key=lambda s: (s.moment_s, s.name, s.ego, s.others)))
 
 

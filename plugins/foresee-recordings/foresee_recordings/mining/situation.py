@@ -67,7 +67,7 @@ class Situation:
         }
 
 
-def shown(name: str, value: float) -> str:
+def measure_text(name: str, value: float) -> str:
     """Return a measure as text: `ttc 1.20 s`."""
     for end, unit in sorted(UNITS.items(), key=lambda item: -len(item[0])):
         if name.endswith(end):

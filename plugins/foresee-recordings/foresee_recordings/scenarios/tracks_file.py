@@ -22,13 +22,15 @@ def plain_name(track: Track, number: int) -> str:
 def samples(track: Track, begins_s: float, ends_s: float, offset: tuple[float, float]) -> FloatArray:
     """Return the samples of a track between two times, [N, 5]: s since the first time, x, y (m, in the network's
     coordinates), heading (deg), speed (m/s). The states at both times are interpolated; empty if the track has none."""
-    inside = track.time_s[(track.time_s > begins_s) & (track.time_s < ends_s)]
     first, last = max(begins_s, float(track.time_s[0])), min(ends_s, float(track.time_s[-1]))
     if last < first:
         return np.empty((0, 5))
-    times = np.unique(np.concatenate([[first], inside, [last]]))
-    rows = [(time_s, state) for time_s in times.tolist() if (state := track.at(time_s)) is not None]
-    table = np.array([(time_s - begins_s, *state) for time_s, state in rows]).reshape(-1, 5)
+    inside = track.time_s[(track.time_s > first) & (track.time_s < last)]
+    # Times are written in milliseconds, so two that round to the same one are one.
+    times = np.unique(np.round(np.concatenate([[first], inside, [last]]) - begins_s, 3))
+    states = (track.at(min(max(time_s + begins_s, first), last)) for time_s in times.tolist())
+    table = np.array([state for state in states if state is not None]).reshape(-1, 4)
+    table = np.column_stack([times, table])
     table[:, 1] += offset[0]
     table[:, 2] += offset[1]
     table[:, 3] = np.degrees(np.remainder(table[:, 3] + np.pi, 2 * np.pi) - np.pi)

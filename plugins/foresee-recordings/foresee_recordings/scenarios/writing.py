@@ -115,7 +115,7 @@ def _write(traffic: Traffic, tasks: Iterable[_Task], folder: Path, choice: Choic
             task.name, task.doc, task.tags, files, roles, lasts_s=cut.lasts_s, deviation_m=choice.deviation_m
         )
         texts[folder / files.tracks], texts[file] = tracks, print_model(model)
-        notes = _notes(traffic, cut)
+        notes = _notes(traffic, cut, network)
         if recording.roads is None and not any(case.file for case in cases):  # once, not for each test case
             notes = (*notes, *roads.notes)
         cases.append(WrittenCase(task.number, file, "", len(roles) - 1, cut.left_out, notes))
@@ -177,14 +177,16 @@ def _name(track: Track, number: int) -> str:
     return f"{_PREFIX.get(track.kind, 'v')}{word(track.id) or number}"
 
 
-def _notes(traffic: Traffic, cut: Cut) -> tuple[str, ...]:
+def _notes(traffic: Traffic, cut: Cut, network: RoadNetwork) -> tuple[str, ...]:
     notes = []
+    if any(movement.tls is not None for movement in network.movements):
+        notes.append("signals follow the map's program, whatever they showed in the recording")
     for a, b in overlapping_at_begin(traffic, cut):
         notes.append(
             f"the recorded boxes of {traffic.tracks[a].id} and {traffic.tracks[b].id} overlap at the beginning"
         )
     guessed = [traffic.tracks[k].id for k in (cut.ego, *cut.others) if not traffic.tracks[k].sized]
     if guessed:
-        shown = ", ".join(guessed[:5]) + (f" and {len(guessed) - 5} more" if len(guessed) > 5 else "")
-        notes.append(f"the recording has no sizes of {shown}: they are usual ones of the class")
+        names = ", ".join(guessed[:5]) + (f" and {len(guessed) - 5} more" if len(guessed) > 5 else "")
+        notes.append(f"the recording has no sizes of {names}: they are usual ones of the class")
     return tuple(notes)
