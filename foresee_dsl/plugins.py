@@ -29,6 +29,7 @@ BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "foresee_dsl.raster_views": ("birds_eye", "forward"),
     },
     "recordings": {
+        "foresee_dsl.commands": ("mine",),
         "foresee_dsl.exporters": ("commonroad", "fcd", "levelx"),
     },
     "study": {

@@ -65,6 +65,7 @@ READ: dict[str, Row] = {
         *([[file, "--out", str(out / "b"), "--driver", "idm", *SHORT]] if file.endswith("against.foresee") else []),
     ],
     "plan": into("--out", *SHORT),
+    "mine": into("--write"),
     "study": into("--out", "--plan"),
     "fuzz": into("--out", "--cycles", "1", "--mutations", "1", "--driver", "idm"),
     "sure": lambda file, out: [

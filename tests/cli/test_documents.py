@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from foresee_recordings import documents as recordings
 from foresee_study import documents as study
 
 from foresee_dsl.cli.documents import DOCUMENTS, schemas
@@ -18,7 +19,7 @@ FOLDER = ROOT / "docs" / "schemas"
 
 
 def test_the_published_schemas_are_those_of_the_code(golden: Golden) -> None:
-    texts = schemas({**DOCUMENTS, **study.DOCUMENTS})
+    texts = schemas({**DOCUMENTS, **recordings.DOCUMENTS, **study.DOCUMENTS})
     for name, text in texts.items():
         jsonschema.Draft202012Validator.check_schema(json.loads(text))
         golden(text, FOLDER / name)

@@ -80,7 +80,7 @@ def read(request: Request, format_: str = "") -> Recording:
         if reader.recognises(path, head):
             return reader.read(request)
     raise RecordingError(
-        f"{path}: no reader recognises this file; write --format with one of {', '.join(READERS.names())}"
+        f"{path}: no reader recognises this file; write --reader with one of {', '.join(READERS.names())}"
     )
 
 

@@ -1,0 +1,1 @@
+"""Measurements of mining; not part of the wheel."""

@@ -1,0 +1,34 @@
+"""Names of files and actors in test cases, made of the names in a recording."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+from foresee_recordings.mining.situation import Situation
+
+_LONGEST = 40
+"""Longest name of a file, characters. Ours: it stays readable in a table."""
+
+
+def word(text: str) -> str:
+    """Return a text as a word of lower-case letters, digits and underscores; it may be empty."""
+    return re.sub(r"_+", "_", re.sub(r"[^a-z0-9]", "_", text.lower())).strip("_")[:_LONGEST]
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """Return names, with a number after each that occurred before."""
+    used: set[str] = set()
+    result = []
+    for name in names:
+        candidate, number = name, 2
+        while candidate in used:
+            candidate, number = f"{name}_{number}", number + 1
+        used.add(candidate)
+        result.append(candidate)
+    return result
+
+
+def file_names(situations: Sequence[Situation]) -> list[str]:
+    """Return a name for each situation: what happens, the ego, and the second."""
+    return unique(word(f"{s.name}_{s.ego}_at_{s.moment_s:.0f}") for s in situations)

@@ -1,0 +1,153 @@
+"""Test cases made of a recording: the recorded drive passes, our drivers drive them, what is unusable is said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evaluation.replay import drive_as_recorded
+from foresee_recordings.mining.search import search
+from foresee_recordings.mining.traffic import Traffic
+from foresee_recordings.recording import RecordedMap, Recording, RecordingError
+from foresee_recordings.scenarios.models_file import Models
+from foresee_recordings.scenarios.tracks_file import samples
+from foresee_recordings.scenarios.writing import Choice, write_cases, write_seconds
+from foresee_recordings.traces import recording_of
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.language.project.checked_files import check_paths
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace
+
+TEXT = """foresee 1
+
+scenario recorded {
+  use network "%s/networks/town.foresee"
+
+  ego: car.sedan {
+    route from mill_west straight over mill_oak straight over mill_elm
+    start at 60 m along ego.route
+    start speed 45 km/h
+  }
+  vehicle lead: car.compact {
+    route from mill_west straight over mill_oak straight over mill_elm
+    start at 30 m ahead of ego
+    start speed 40 km/h
+  }
+  bicycle cyclist: bicycle.city {
+    path [4 m ahead of ego offset 6 m, 40 m ahead of ego offset 6 m]
+    start speed 5 m/s
+  }
+  pedestrian walker: pedestrian.adult {
+    path [70 m ahead of ego offset -6 m, 70 m ahead of ego offset 9 m]
+  }
+
+  when time > 2 s { lead brakes 5 m/s^2 for 1.2 s }
+
+  end after 8 s anywhere
+}
+"""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run, and the same run as a recording with roads."""
+
+    trace: Trace
+    traffic: Traffic
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> Recorded:
+    file = tmp_path_factory.mktemp("recorded") / "recorded.foresee"
+    file.write_text(TEXT % scenarios)
+    case = load_test_case(str(file))
+    trace = run_test_case(case, "idm", 0).trace
+    roads = RecordedMap(compile_test_case(case).net_file.read_text(), ".net.xml")
+    return Recorded(trace, Traffic(recording_of(trace, "town_run", roads)))
+
+
+def moved(recording: Recording, actor: str, onto: str) -> Recording:
+    """Return the recording with one actor at the places of another."""
+    track = recording.track(onto)
+    tracks = tuple(
+        replace(t, time_s=track.time_s, states=track.states) if t.id == actor else t for t in recording.tracks
+    )
+    return replace(recording, tracks=tracks)
+
+
+def test_a_recorded_drive_passes_and_is_the_recorded_one(recorded: Recorded, tmp_path: Path) -> None:
+    case = write_seconds(recorded.traffic, "ego", tmp_path, Choice())
+    assert case.file is not None and case.actors == 3 and case.left_out == 0
+    assert check_paths([str(tmp_path)]).diagnostics == ()
+    loaded = load_test_case(str(case.file))
+    result = drive_as_recorded(loaded)
+    assert result.verdict is Verdict.PASS, result.reason
+    places = {info.id: k for k, info in enumerate(result.trace.actors)}
+    frames = recorded.trace.frames
+    for ours, theirs in (("ego", "ego"), ("vlead", "lead"), ("bcyclist", "cyclist"), ("pwalker", "walker")):
+        there = recorded.trace.states[:frames, recorded.trace.index(theirs), :2]
+        here = result.trace.states[:frames, places[ours], :2]
+        off = np.hypot(*(here - there[: len(here)]).T)
+        assert np.nanmax(off) < (0.6 if ours == "ego" else 0.02), ours  # the ego follows by steering and accelerating
+    assert not any(event.what == "trigger" for event in result.trace.events)
+
+
+@pytest.mark.parametrize("driver", ["pdm", "idm"])
+def test_drivers_drive_mined_cases(recorded: Recorded, tmp_path: Path, driver: str) -> None:
+    found = search(recorded.traffic, ["car.acceleration < -4 m/s^2 and distance(ego, car) < 60 m"])
+    cases = write_cases(recorded.traffic, [s for s in found if s.ego == "ego"][:1], tmp_path, Choice(2.0, 4.0))
+    (file,) = (case.file for case in cases)
+    result = run_test_case(load_test_case(str(file)), driver, 0, rules="off")
+    assert result.verdict is Verdict.PASS, result.reason
+
+
+def test_who_drives_the_others_is_in_the_file(recorded: Recorded, tmp_path: Path) -> None:
+    texts = {}
+    for others in ("follow", "diverge", "drive"):
+        case = write_seconds(recorded.traffic, "ego", tmp_path / others, Choice(others=others, deviation_m=1.5))
+        assert case.file is not None
+        assert check_paths([str(case.file)]).diagnostics == ()
+        texts[others] = case.file.read_text()
+    assert "joins" not in texts["follow"] and "deviation" not in texts["follow"]
+    assert "when ego.deviation > 1.5 m {\n    vlead leaves track\n  }" in texts["diverge"]
+    assert "start speed" in texts["drive"] and 'track "lead"' not in texts["drive"]
+    assert 'pedestrian pwalker: pedestrian.r04x06 {\n    track "walker"\n  }' in texts["drive"]
+    driven = write_seconds(recorded.traffic, "ego", tmp_path / "one", Choice(driven=frozenset({"lead"})))
+    assert driven.file is not None and 'track "lead"' not in driven.file.read_text()
+
+
+def test_times_that_round_to_one_are_one(recorded: Recorded) -> None:
+    track = recorded.traffic.recording.track("lead")
+    uneven = replace(track, time_s=track.time_s + 1e-7 * np.sin(np.arange(len(track.time_s))))
+    times = samples(uneven, 0.05, 3.0000004, (0.0, 0.0))[:, 0]
+    assert np.diff(times).min() > 0.0009 and times[0] == 0.0 and times[-1] == pytest.approx(2.95)
+
+
+def test_what_cannot_be_used_is_said(recorded: Recorded, tmp_path: Path) -> None:
+    recording = recorded.traffic.recording
+    crashed = write_seconds(Traffic(moved(recording, "lead", "ego")), "ego", tmp_path, Choice())
+    assert crashed.file is None and "boxes of ego and lead overlap at 0.00 s" in crashed.reason
+    walking = write_seconds(recorded.traffic, "walker", tmp_path, Choice())
+    assert "a pedestrian, which a driver cannot drive" in walking.reason
+    elsewhere = (
+        replace(recording, roads=replace(recording.roads, offset=(5000.0, 0.0))) if recording.roads else recording
+    )
+    assert "on none of the map's lanes" in write_seconds(Traffic(elsewhere), "ego", tmp_path, Choice()).reason
+    assert list(tmp_path.iterdir()) == []  # nothing is written
+    with pytest.raises(RecordingError, match="--map"):
+        alone = replace(recording, roads=None, tracks=(recording.track("walker"),))
+        write_seconds(Traffic(alone), "walker", tmp_path, Choice())
+    with pytest.raises(RecordingError, match="no actor 'nobody'"):
+        write_seconds(recorded.traffic, "ego", tmp_path, Choice(driven=frozenset({"nobody"})))
+
+
+def test_models_have_the_recorded_size(recorded: Recorded) -> None:
+    models, track = Models("sizes"), recorded.traffic.recording.track("lead")
+    names = [models.of(replace(track, length_m=length, width_m=1.83)) for length in (4.53, 4.46, 14.6)]
+    assert names == ["car.r45x18", "car.r45x18", "car.r146x18"]
+    assert models.text().count("\n  model ") == 2
