@@ -171,7 +171,7 @@ def _helpers(package: str, claims: str) -> Iterator[None]:
     They are programs, not forks or spawned copies of this process, which may be a notebook or a thread of a server.
     """
     code = f"from {__name__} import load_part; load_part({package!r}, {claims!r})"
-    count = min(len(os.sched_getaffinity(0)), _MOST_PROCESSES) - 1
+    count = min(os.cpu_count() or 1, _MOST_PROCESSES) - 1
     helpers = [
         subprocess.Popen(  # noqa: S603 - this interpreter, with our own code
             [sys.executable, "-c", code], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
