@@ -15,6 +15,8 @@ from foresee_study.results import Results
 from foresee_study.settings import EXHAUSTIVE
 from foresee_study.tables.effectiveness import effectiveness
 from foresee_study.tables.efficiency import _an_hour
+from foresee_study.tables.generality import generality
+from foresee_study.tables.rankers import moments
 
 ROOT = next(folder for folder in Path(__file__).parents if (folder / "benchmarks").is_dir())
 STORED = {"results": "study", "results-idm": "idm_study"}
@@ -50,7 +52,8 @@ def test_the_sentences_of_the_results_are_those_of_the_stored_measurements(
 @pytest.mark.parametrize("name", STORED)
 def test_the_rates_of_the_results_are_those_of_the_stored_measurements(stored: dict[str, Results], name: str) -> None:
     rates = next(table for table in effectiveness(stored[name]) if table.name == "rq1_rates")
-    for table in (rates, _an_hour(stored[name], Clock.SIMULATED)):
+    tables = (rates, _an_hour(stored[name], Clock.SIMULATED), moments(stored[name]), *generality(stored[name]))
+    for table in (table for table in tables if table.rows):
         assert (ROOT / "docs" / "background" / name / f"{table.name}.csv").read_text(encoding="utf-8") == table.as_csv()
         assert f"({name}/{table.name}.csv)" in page(name)
 
@@ -101,6 +104,20 @@ def test_the_study_page_says_where_forecasting_pays(stored: dict[str, Results]) 
         assert f"| `{driver}` | {shares} | {gains} |" in text
     own, other = (colliding(results.of_campaign("fusion_safe", ranker), False) for ranker in ("foresee", "selforacle"))
     assert f"({other[0]} of {other[1]:,}; the forecast's {own[0]} of {own[1]:,})" in text
+
+
+def test_the_study_page_says_where_the_moments_of_selforacle_lie(stored: dict[str, Results]) -> None:
+    table = moments(stored["results"])
+    shares = {row.label: dict(zip((c.whole_title for c in table.columns), table.texts(row), strict=True))
+              for row in table.rows if row.values}  # fmt: skip
+    own, chance = shares["selforacle"], shares["random"]
+    near, fails, others = table.columns[1].whole_title, table.columns[4].whole_title, table.columns[5].whole_title
+    assert (
+        f"{own[near]} % of SelfOracle's moments are at most 1 s before a close encounter, of all seconds "
+        f"{own['all seconds, %']} %; where it has moments before an encounter, it has {own['per encounter']} on "
+        f"average, and the forecaster one. But of the mutants of such moments {own[fails]} % fail, of its other ones "
+        f"{own[others]} %, and of random ones {chance[fails]} % and {chance[others]} %"
+    ) in page("study")
 
 
 def colliding(campaigns: Iterable[MeasuredCampaign], first: bool) -> tuple[int, int]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
+from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import HEAVY_WEATHER
 from foresee_study.results import Results, mean, total
 from foresee_study.settings import BUNDLED
 from foresee_study.tables.table import Column, Row, RowKind, Table, Value
 
+_COUNTED = (*COLLISIONS, Verdict.STUCK)
+"""The failures that a study counts: it does not judge traffic rules."""
 _COLUMNS = (
-    Column("#TCs"), *(Column(kind.value) for kind in FAILURES), Column("Σ"), Column("findings"), Column("avoidable"),
+    Column("#TCs"), *(Column(kind.value) for kind in _COUNTED), Column("Σ"), Column("findings"), Column("avoidable"),
     Column("collisions, %", digits=1),
 )  # fmt: skip
 
@@ -68,8 +70,8 @@ def _counts(campaigns: tuple[MeasuredCampaign, ...]) -> Iterator[Value]:
     children = mean(len(m.children_run) for m in campaigns)
     collided = mean(m.count(Counted.COLLISIONS) for m in campaigns)
     yield children
-    yield from (mean(m.of_verdict(kind) for m in campaigns) for kind in FAILURES)
-    yield mean(sum(m.of_verdict(kind) for kind in FAILURES) for m in campaigns)
+    yield from (mean(m.of_verdict(kind) for m in campaigns) for kind in _COUNTED)
+    yield mean(sum(m.of_verdict(kind) for kind in _COUNTED) for m in campaigns)
     yield mean(m.count(Counted.FINDINGS) for m in campaigns)
     yield mean(m.count(Counted.AVOIDABLE) for m in campaigns)
     yield 100 * collided / children if children and collided is not None else None
