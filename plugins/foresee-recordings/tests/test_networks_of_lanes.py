@@ -106,6 +106,23 @@ def test_a_map_of_crossing_lanes_only_still_has_roads() -> None:
     assert roads.text.count('<edge id="e') == 4  # a stub before and behind the crossing of each lane
 
 
+def test_edges_have_different_names() -> None:
+    roads = network_of(lane_map(*(lane(id_, (0, 10 * k), (50, 10 * k)) for k, id_ in enumerate(("1-2", "1_2", "1.2")))))
+    assert all(f'<edge id="{name}"' in roads.text for name in ("e1_2", "e1_2_2", "e1_2_3"))
+
+
+def test_lanes_without_a_length_are_left_out() -> None:
+    roads = network_of(lane_map(lane("a", (0, 0), (50, 0), successors=("b",)), lane("b", (50, 0), (50.01, 0))))
+    assert roads.notes[0] == "left out of the map: 1 lanes without a length"
+
+
+def test_a_lattice_of_lanes_is_refused() -> None:
+    across = (lane(f"a{k}", (0, 5 * k), (2000, 5 * k)) for k in range(330))
+    along = (lane(f"b{k}", (5 * k + 1, -50), (5 * k + 1, 2000)) for k in range(330))
+    with pytest.raises(RecordingError, match="more than 100,000 pairs of lanes that cross"):
+        network_of(lane_map(*across, *along))
+
+
 def test_a_map_far_from_the_origin_is_moved() -> None:
     roads = network_of(lane_map(lane("a", (691_000, 5_334_000), (691_100, 5_334_000))))
     assert roads.offset == (-691_000.0, -5_334_000.0)
