@@ -87,18 +87,20 @@ def test_mistakes_of_a_map_are_counted(tmp_path: Path) -> None:
     lanes = lane_map(
         lane("a", (0, 0), (50, 0), successors=("b", "nowhere")),
         lane("b", (100, 0), (150, 0)),  # begins 50 m behind the end of the lane before
-        lane("c", (0, 10), (50, 10), width_m=1.0),
+        lane("c", (0, 10), (50, 10), width_m=0.8),
+        lane("d", (0, 20), (50, 20), width_m=1.2),
     )
     roads = network_of(lanes)
     assert roads.notes == (
         "left out of the map: 1 relations of lanes to lanes that begin elsewhere",
-        "1 lanes are narrower than 1.5 m and are closed to traffic",
-        "3 of 3 lanes have no speed limit: 50 km/h is assumed for them",
+        "2 lanes are narrower than 1.5 m: they are for bicycles only, or closed if they are narrower than 0.9 m",
+        "4 of 4 lanes have no speed limit: 50 km/h is assumed for them",
     )
     net = network(roads, tmp_path)
     assert not net.movements
     assert net.edges["ec"].lanes[0].strip
     assert not net.edges["ec"].lanes[0].kinds
+    assert net.edges["ed"].lanes[0].kinds == {"bicycle"}
 
 
 def test_a_map_of_crossing_lanes_only_still_has_roads() -> None:
