@@ -161,6 +161,16 @@ def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:
     assert kmh.tracks[0].states[0, 3] == 10.0 and len(kmh.notes) == 2
 
 
+def test_numbers_that_are_far_too_large_are_counted(tmp_path: Path) -> None:
+    rows = [f"{k / 10},a,{k},0,0,{1e9 if k == 4 else 10}" for k in range(20)] + ["2,a,1e300,0,0,0", "1e200,a,0,0,0,0"]
+    recording = table(tmp_path, "t,id,x,y,heading,speed\n" + "\n".join(rows) + "\n")
+    assert recording.left_out == {
+        "samples with a place or time that is far too large": 2,
+        "speeds above 100 m/s, replaced by those of the positions": 1,
+    }
+    assert recording.tracks[0].states[4, 3] == pytest.approx(10.0)
+
+
 NEW_LOG = """esmini GIT REV: 1
 Scenario File Name: a.xosc
 Number of Vehicles: 2

@@ -45,6 +45,8 @@ _UNIT_FACTOR, _DOUBTFUL_FACTOR = 5.0, 1.5
 km/h differ by 3.6 and are noted, milliseconds, degrees and pixels differ by more."""
 _CHECKED_STEPS = 50
 """Number of moving steps that the check of units needs. Ours."""
+_LARGEST_M, _LATEST_S = 1e8, 1e11
+"""Places and times beyond these are damaged, m and s. Ours: UTM's northings reach 1e7 m, and 1e11 s are 3,000 years."""
 _SAME_M = 0.01
 """Two samples at one time that are nearer than this are the same, m. Ours: the last digit of most files."""
 _ROUNDING_S = 1e-6
@@ -102,8 +104,10 @@ class Samples:
         Raises:
             RecordingError: there are more samples than the limit `recording` allows.
         """
-        if not math.isfinite(time_s + x + y):
-            self.left_out["samples with a number that is not finite"] += 1
+        if not (-_LARGEST_M < x < _LARGEST_M and -_LARGEST_M < y < _LARGEST_M and -_LATEST_S < time_s < _LATEST_S):
+            finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(time_s)
+            what = "a place or time that is far too large" if finite else "a number that is not finite"
+            self.left_out[f"samples with {what}"] += 1
             return False
         buffer = self._buffers.get(actor)
         if buffer is None:
@@ -182,10 +186,12 @@ class Samples:
         """Return why no track is left."""
         if self._last_s < self._first_s:
             return "it has no samples"
-        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
-        wanted = f"from {self._request.begins_s:g} s to {self._request.ends_s:g} s"
         actors = f" of {', '.join(sorted(self._actors)[:5])}" if self._actors else ""
-        return f"no actor{actors} has two usable samples {wanted}; {times}"
+        first_s, last_s = max(self._request.begins_s, self._first_s), min(self._request.ends_s, self._last_s)
+        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
+        if first_s > last_s:
+            return f"it has no samples in the seconds that are requested; {times}"
+        return f"no actor{actors} has two usable samples from {first_s:g} s to {last_s:g} s; {times}"
 
     def _motions(self, actor: str) -> Iterator[FloatArray]:
         """Yield the parts of an actor's motion without gaps and jumps, each [N, 5]: time, x, y, heading, speed."""
@@ -263,11 +269,18 @@ class Samples:
         states = rows[:, 1:].copy()
         states[:, 2] *= self.heading_unit
         absent = ~np.isfinite(states)
+        too_fast = np.abs(states[:, 3]) > FASTEST_MPS
+        if too_fast.any():
+            self.left_out[f"speeds above {FASTEST_MPS:g} m/s, replaced by those of the positions"] += int(
+                too_fast.sum()
+            )
+            absent[too_fast, 3] = True
         if absent[:, 2].any():
             self.left_out["actors without headings, which are those of their motion"] += 1
             states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
         if absent[:, 3].any():
-            self.left_out["actors without speeds, which are those of their positions"] += 1
+            if (absent[:, 3] & ~too_fast).any():
+                self.left_out["actors without speeds, which are those of their positions"] += 1
             velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
             states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
         states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi
