@@ -102,6 +102,7 @@ def test_tables_read_back_and_have_the_columns_of_ind(run: Recording, tmp_path: 
     exported(tmp_path, to_levelx)
     back = read(Request(tmp_path))
     check_motion(run, back, {track.id: str(k) for k, track in enumerate(run.tracks)})
+    assert [track.kind for track in back.tracks] == [track.kind for track in run.tracks]
     with table(tmp_path / "00_tracks.csv") as rows:
         assert rows.columns[:10] == (
             "recordingId", "trackId", "frame", "trackLifetime", "xCenter", "yCenter", "heading", "width", "length",

@@ -239,6 +239,24 @@ class Samples:
         self.left_out["samples far away from those before and after them"] += len(outliers)
         return np.delete(rows, outliers, axis=0)
 
+    def speed_ratio(self) -> float | None:
+        """Return the median of the speeds of the positions in relation to the speeds that were added; None if too few
+        actors move."""
+        rows = (np.frombuffer(buffer, dtype=np.float64).reshape(-1, 5) for buffer in self._buffers.values())
+        return _speed_ratio(list(rows))
+
+    def move(self, change: Callable[[FloatArray], FloatArray]) -> None:
+        """Replace all places by others: `change` gets an actor's, [N, 2] m or degrees, and returns them in m."""
+        for actor in self._buffers:
+            rows = np.frombuffer(self._buffers[actor], dtype=np.float64).reshape(-1, 5).copy()
+            rows[:, 1:3] = change(rows[:, 1:3])
+            self._buffers[actor] = array("d", rows.ravel().tobytes())
+
+    def first_place(self) -> FloatArray:
+        """Return the place of the first sample, [2]; NaN without samples."""
+        buffer = next(iter(self._buffers.values()), None)
+        return np.full(2, math.nan) if buffer is None else np.array(buffer[1:3])
+
     def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
         """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
         if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
@@ -246,16 +264,9 @@ class Samples:
                 f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
                 "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
             )
-        ratios: list[FloatArray] = []
-        for rows in motions:
-            steps = np.diff(rows[:, :3], axis=0)
-            speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
-            moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS)
-            ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
-        checked = np.concatenate(ratios) if ratios else np.empty(0)
-        if len(checked) < _CHECKED_STEPS:
+        ratio = _speed_ratio(motions)
+        if ratio is None:
             return
-        ratio = float(np.median(checked))
         if not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
             raise RecordingError(
                 f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
@@ -288,6 +299,18 @@ class Samples:
         states[:, 0] += ahead * c - left * s
         states[:, 1] += ahead * s + left * c
         return Track(name, form.kind, form.length_m, form.width_m, rows[:, 0].copy(), states, form.sized)
+
+
+def _speed_ratio(motions: list[FloatArray]) -> float | None:
+    """Return the median speed of the positions in relation to the recorded speeds; None for too few steps."""
+    ratios: list[FloatArray] = []
+    for rows in motions:
+        steps = np.diff(rows[:, :3], axis=0)
+        speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
+        moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS) & (steps[:, 0] > 0)
+        ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
+    checked = np.concatenate(ratios) if ratios else np.empty(0)
+    return float(np.median(checked)) if len(checked) >= _CHECKED_STEPS else None
 
 
 def _directions(rows: FloatArray) -> FloatArray:
