@@ -75,7 +75,9 @@ def write(folder: Path, run: Run) -> None:
     obstacles = [_obstacle(k, track) for k, track in enumerate(run.recording.tracks, start=1)]
     network = run.bundle.network
     first_light = len(obstacles) + 1
-    lights = [_light(first_light + k, head, run) for k, head in enumerate(heads_of(network, run.bundle.signals))]
+    signals = run.bundle.signals
+    states = [signal_states(signals, run.trace, frame) for frame in range(run.trace.frames)]
+    lights = [_light(first_light + k, head, states) for k, head in enumerate(heads_of(network, signals))]
     first_lanelet = first_light + len(lights)
     lanelets, signs = _lanelets(network, first_lanelet, lights)
     render(
@@ -113,12 +115,11 @@ def _obstacle(id_: int, track: Track) -> _Obstacle:
     return _Obstacle(id_, _TYPES[track.kind], track.length_m, track.width_m, states, is_still)
 
 
-def _light(id_: int, head: Head, run: Run) -> _Light:
-    """Return the traffic light of a head, whose cycle is what it showed in the run."""
+def _light(id_: int, head: Head, states: Sequence[Mapping[str, str]]) -> _Light:
+    """Return the traffic light of a head, whose cycle is what it showed in the run: `states` of each frame by `tls`."""
     cycle: list[tuple[int, str]] = []
-    for frame in range(run.trace.frames):
-        letter = signal_states(run.bundle.signals, run.trace, frame)[head.tls][head.link]
-        colour = _COLOURS.get(letter, "inactive")
+    for state in states:
+        colour = _COLOURS.get(state[head.tls][head.link], "inactive")
         steps = cycle.pop()[0] if cycle and cycle[-1][1] == colour else 0
         cycle.append((steps + 1, colour))
     return _Light(id_, cycle, (head.x, head.y), _DIRECTIONS.get(head.icon, "all"), head.lanes)
