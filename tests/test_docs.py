@@ -78,6 +78,8 @@ def project(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, (text, _) in SNIPPETS.items():
         assert not (folder / f"{name}.foresee").exists(), f"the snippet {name} is called like a bundled file"
         (folder / f"{name}.foresee").write_text(text, encoding="utf-8")
+    for tracks in (ROOT / "tests/cases/docs").glob("*.tracks.csv"):
+        shutil.copy(tracks, folder)
     town = compile_test_case(load_test_case(folder / "rude.foresee")).net_file
     shutil.copy(town, folder / "town.net.xml")
     return folder

@@ -15,6 +15,7 @@ from foresee_dsl.language.model import AtStop, Expect, MeetsState, Place, When
 if TYPE_CHECKING:
     from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.compile.roads.route_line import RouteLine
+    from foresee_dsl.compile.tracks import Track
 
 ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
 
@@ -151,6 +152,35 @@ class TimedValue:
     until_s: float
 
 
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """How an actor follows its track.
+
+    Attributes:
+        start_s: time of the track at the run's beginning, s. timing: factor of the track's clock. delay_s: the clock
+            stands for this time first. brakes: deceleration for a time of the run, m/s^2.
+        speed_mps: the speed at the run's beginning, if it is not the track's.
+        acceleration_mps2: with this rate an actor that is slower than its track becomes as fast as its track again.
+        left_m: distance that it keeps to the left of its track. moves_over_s: time of the track at which it begins to
+            move there.
+    """
+
+    track: Track
+    start_s: float = 0.0
+    timing: float = 1.0
+    delay_s: float = 0.0
+    brakes: TimedValue | None = None
+    speed_mps: float | None = None
+    acceleration_mps2: float = 1.0
+    left_m: float = 0.0
+    moves_over_s: float = 0.0
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the actor is in the world at the run's beginning."""
+        return self.track.covers(self.start_s)
+
+
 @dataclass(frozen=True)
 class PlacedActor:
     """One actor at the first frame.
@@ -212,6 +242,8 @@ class PlacedActor:
     """Its driving style, a name in `compile.styles.STYLES`; "" for the style of its model."""
     sublanes: bool = False
     """True if SUMO decides its lateral position, because it or another actor of the scenario passes within its lane."""
+    playback: Playback | None = None
+    """How it follows its recorded track; for the ego, the track from which it deviates. None without a track."""
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
     """Crossings on its path that a pedestrian enters only on green: (begin and end along the path, m; tls; link)."""
 
@@ -221,6 +253,11 @@ class PlacedActor:
         limit = STYLES[self.style].acceleration_mps2 if self.style else None
         most = self.model.acceleration_mps2 if limit is None else min(limit, self.model.acceleration_mps2)
         return most * min(self.timing, 1.0) ** 2
+
+    @property
+    def comes_later(self) -> bool:
+        """True if it is not in the world at the first frame, because its track begins later."""
+        return self.control == "path" and self.playback is not None and not self.playback.is_there
 
     @property
     def sumo_type(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, cast, get_args
@@ -17,7 +17,7 @@ from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.messages.words import EXAMPLES
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX
+from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX, TRACKS
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS, Dimension
 
@@ -96,7 +96,7 @@ def _of_slot(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Su
 def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
     kind = kind_named(slot.node, slot.field)
     if kind == "file":
-        yield from _files(path, networks=slot.node.kind is m.UseNetwork)
+        yield from _files(path, _SUFFIXES.get(slot.node.kind, (SUFFIX,)))
     elif kind is not None and (slot.token != "STRING" or place.in_string):
         yield from _of_kind(files, path, slot, kind, place)
     if slot.token == "NAME":
@@ -238,9 +238,12 @@ def _describe(definition: Definition) -> str:
     return str(node.fields.get("kind", "")) or kind
 
 
-def _files(path: Path, *, networks: bool) -> Iterator[Suggestion]:
-    """Yield the files of the language (and foreign networks) in the folder of a file and in those below."""
-    suffixes = (SUFFIX, *FOREIGN_NETWORKS) if networks else (SUFFIX,)
+_SUFFIXES: Mapping[type[m.Item], tuple[str, ...]] = {m.UseNetwork: (SUFFIX, *FOREIGN_NETWORKS), m.UseTracks: (TRACKS,)}
+"""How the names of files end that a statement may name; any other statement names files of the language."""
+
+
+def _files(path: Path, suffixes: tuple[str, ...]) -> Iterator[Suggestion]:
+    """Yield the files with these ends in the folder of a file and in those below."""
     names: list[str] = []
     looked_at = 0
     for folder, below, here in os.walk(path.parent):

@@ -32,14 +32,15 @@ _NO_MEANING = (
     m.Fidelity,
     m.UseNetwork,
     m.UseModels,
+    m.UseTracks,
     m.Network,
     m.Param,
     m.Case,
     m.Cases,
     m.Require,
 )
-"""Statements of a scenario or clip that the hash's part for the scenario omits (the network and the models have parts
-of their own in the hash)."""
+"""Statements of a scenario or clip that the hash's part for the scenario omits (the network, the models and the tracks
+have parts of their own in the hash)."""
 
 ORDERED: Mapping[type[m.Item], str] = {m.Ego: "ego", m.Actor: "actors", m.Traffic: "traffic", m.When: "whens"}
 """Statements whose order among their kind matters, with their key in the hash: the order gives the actors their ids
@@ -54,15 +55,18 @@ share nearly all of their items."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
-def meaning_hash(scenario: m.Scenario, network: m.Network | Path, models: Mapping[str, m.VehicleModel]) -> str:
+def meaning_hash(
+    scenario: m.Scenario, network: m.Network | Path, models: Mapping[str, m.VehicleModel], tracks: Path | None = None
+) -> str:
     """Return the hash of a concrete scenario's meaning: `sha256:` and 12 hexadecimal digits.
 
-    The name and `doc` of a network in the language do not count; for a foreign network the file's bytes count. Only
-    the models that the scenario names count.
+    The name and `doc` of a network in the language do not count; for a foreign network and for recorded
+    tracks the file's bytes count. Only the models that the scenario names count.
     """
     named = sorted(models_named(scenario))
     used = {name: _cached(models[name], _model) if name in models else None for name in named}
-    return _digest({"scenario": _body(scenario.body), "network": _network(network), "models": used})
+    recorded = {} if tracks is None else {"tracks": file_digest(tracks)}
+    return _digest({"scenario": _body(scenario.body), "network": _network(network), "models": used, **recorded})
 
 
 def clip_pin(clip: m.Clip, parent_meaning: str) -> str:
@@ -188,8 +192,18 @@ def _network(network: m.Network | Path) -> _Json:
     if isinstance(network, m.Network):
         # The order matters, because netconvert numbers what it builds in this order.
         return _cached(network, lambda network: {"body": _canonical(network.body)})
-    status = network.stat()
-    return {"file": _file_digest(str(network), status.st_mtime_ns, status.st_size)}
+    return {"file": file_digest(network)}
+
+
+def file_digest(file: Path) -> str:
+    """Return the SHA-256 of a file's bytes, 64 hexadecimal digits; raises `OSError` as `files.read_outside` does."""
+    status = file.stat()
+    return _file_digest(str(file), status.st_mtime_ns, status.st_size)
+
+
+def file_pin(file: Path) -> str:
+    """Return the pin of a file: `sha256:` and the first 12 digits of the hash of its bytes; raises as `file_digest`."""
+    return f"sha256:{file_digest(file)[:_HASH_DIGITS]}"
 
 
 @lru_cache(maxsize=64)

@@ -22,7 +22,8 @@ _NAME = re.compile(NAME_PATTERN)
 _DOTTED = re.compile(rf"{NAME_PATTERN}\.{NAME_PATTERN}")
 _NO_NAMES: frozenset[str] = frozenset()
 INDENT = "  "
-_TOGETHER = ((m.Doc, m.Tags), (m.UseNetwork, m.UseModels), (m.Ego, m.Goal), (m.Expect, m.End), (m.Window, m.Risk))
+_FILES = (m.UseNetwork, m.UseModels, m.UseTracks)
+_TOGETHER = ((m.Doc, m.Tags), _FILES, (m.Ego, m.Goal), (m.Expect, m.End), (m.Window, m.Risk))
 """Statements that stand together, without a blank line between them, in files that the tool writes; other statements
 stand together if they have the same class."""
 _GROUPS: dict[type, type] = {kind: kinds[0] for kinds in _TOGETHER for kind in kinds}

@@ -117,6 +117,11 @@ class Trace:
         cut = {name: getattr(self, name)[first:beyond] for name in names}
         return replace(self, **cut | {"time_s": cut["time_s"] - cut["time_s"][:1]})
 
+    @cached_property
+    def on_tracks(self) -> frozenset[str]:
+        """The ids of the actors that follow recorded tracks, at least at the run's beginning."""
+        return frozenset(event.actor for event in self.events if event.what == "track")
+
     @property
     def frames(self) -> int:
         """The number of frames, T."""

@@ -42,6 +42,8 @@ scenario e {
   vehicle b: car.sedan { route [a]; style creeps }
   vehicle c: car.sedan { route [a]; style takes_gap }
   vehicle d: car.sedan { route [a]; style brakes_late }
+  use tracks "a.tracks.csv"
+  vehicle f: car.sedan { track "7" }
   expected "b" fails
   expect never ego runs red
   expect always ego yields to b at crossing

@@ -218,12 +218,21 @@ class Behaviours:
                     yield self._candidate(Kind.EARLY, actor, ahead, ahead=ahead)
         yield from self._paces(actor, info)
         if info.kind == "pedestrian":
-            for at in self._onsets():
-                for strength, long in zip(self._draws(s.hesitates_mps2, 3), self._draws(s.hesitates_s, 3), strict=True):
-                    if self._moves(actor, at):
-                        yield self._candidate(Kind.HESITATES, actor, strength, at, long, braking=strength)
+            yield from self._slows(Kind.HESITATES, actor, (s.hesitates_mps2, s.hesitates_s), 0.5)
+        elif info.id in self._run.trace.on_tracks and info.kind in VEHICLE_KINDS:
+            yield from self._slows(Kind.BRAKES, actor, (s.brakes_mps2, s.brakes_s), s.swerve_least_mps)
         for left in self._either(s.drifts_m):
             yield self._candidate(Kind.DRIFTS, actor, left, left=left, left_at=0.0, left_for=math.inf, left_rate=1.0)
+
+    def _slows(
+        self, kind: Kind, actor: int, bounds: tuple[tuple[float, float], tuple[float, float]], least_mps: float
+    ) -> Iterator[Candidate]:
+        """Yield the candidates of an actor that slows down on its path. `bounds`: of its braking (m/s^2) and time (s);
+        `least_mps`: the speed that it must have."""
+        for at in self._onsets():
+            for strength, long in zip(self._draws(bounds[0], 3), self._draws(bounds[1], 3), strict=True):
+                if self._moves(actor, at, least_mps):
+                    yield self._candidate(kind, actor, strength, at, long, braking=strength)
 
     def _on_lane(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
         s = self._settings

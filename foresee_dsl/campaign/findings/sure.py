@@ -340,7 +340,7 @@ def _decimal(grid: ValueGrid, k: int) -> Decimal:
 
 def _scenarios(clip: TestCase, folder: Path, added: Sequence[str], changes: Sequence[str]) -> tuple[Path, Path]:
     """Write the clip as a scenario, and the scenario that extends it, into a folder; return their files."""
-    apart = m.UseNetwork | m.UseModels | m.Network
+    apart = m.UseNetwork | m.UseModels | m.UseTracks | m.Network
     whole = expanded_model(clip)
     body = (*surroundings(clip, folder), *(item for item in whole.body if not isinstance(item, apart)))
     base = print_model(whole.model_copy(update={"name": "base", "body": body}))

@@ -20,6 +20,7 @@ _PATHS: tuple[tuple[type[m.Item], str], ...] = (
     (m.Extension, "parent"),
     (m.UseNetwork, "path"),
     (m.UseModels, "path"),
+    (m.UseTracks, "path"),
 )
 """Fields that name another file which a test case needs."""
 

@@ -93,7 +93,7 @@ def prune(folder: Path) -> tuple[Path, ...]:
                 todo += [a.absolute(file.parent / path) for path in paths_in(load(file))]
     inside = folder / PARENTS
     there = sorted(inside.rglob("*")) if inside.is_dir() else []
-    files = [file for file in there if file.name.endswith((a.SUFFIX, *a.FOREIGN_NETWORKS))]
+    files = [file for file in there if file.name.endswith((a.SUFFIX, a.TRACKS, *a.FOREIGN_NETWORKS))]
     removed = tuple(file for file in files if a.absolute(file) not in needed)
     for file in removed:
         file.unlink()

@@ -13,6 +13,7 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.placement.spots import OnRoute
 from foresee_dsl.compile.placement.statements import path_of
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.tracks import Track
 from foresee_dsl.language import model as m
 
 _MOST = 128
@@ -20,11 +21,16 @@ _MOST = 128
 which a worker counts as warm, with 32 actors each."""
 
 
+Apart = tuple[bool, bool, Track | None]
+"""What a placement depends on besides the statement: whether a trigger starts the actor, whether a trigger makes it
+follow a path, and its recorded track."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Placement:
     actor: m.Ego | m.Actor
     spec: ModelSpec
-    triggered: tuple[bool, bool]
+    apart: Apart
     placed: PlacedActor
     start: OnRoute | None
 
@@ -41,21 +47,21 @@ class PlacedBefore:
         self._placements: dict[int, _Placement] = {}
 
     def get(
-        self, actor: m.Ego | m.Actor, spec: ModelSpec, network: RoadNetwork, triggered: tuple[bool, bool]
+        self, actor: m.Ego | m.Actor, spec: ModelSpec, network: RoadNetwork, apart: Apart
     ) -> tuple[PlacedActor, OnRoute | None] | None:
         """Return an actor's placement and its start on its route, if it has one; None if it is not cached.
 
-        `triggered` tells whether a trigger starts the actor, and whether a trigger makes it follow a path.
+        `apart`: see `Apart`.
         """
         placement = self._placements.get(id(actor)) if network is self._network else None
         if placement is None or placement.actor is not actor:
             return None
-        if placement.triggered != triggered or placement.spec != spec:
+        if placement.apart != apart or placement.spec != spec:
             return None
         return placement.placed, placement.start
 
     def put(
-        self, actor: m.Ego | m.Actor, network: RoadNetwork, triggered: tuple[bool, bool], placed: PlacedActor,
+        self, actor: m.Ego | m.Actor, network: RoadNetwork, apart: Apart, placed: PlacedActor,
         start: OnRoute | None,
     ) -> None:  # fmt: skip
         """Cache the placement of an actor without errors, if it does not depend on other actors."""
@@ -69,7 +75,7 @@ class PlacedBefore:
             self._placements.clear()
         while len(self._placements) >= _MOST:
             del self._placements[next(iter(self._placements))]
-        self._placements[id(actor)] = _Placement(actor, placed.model, triggered, placed, start)
+        self._placements[id(actor)] = _Placement(actor, placed.model, apart, placed, start)
 
 
 PLACED_BEFORE = PlacedBefore()

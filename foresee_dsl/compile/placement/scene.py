@@ -11,12 +11,12 @@ from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import (
     ModelSpec,
     PlacedActor,
+    Playback,
     RecordedState,
     Scene,
     Signal,
     SlipperyPatch,
     Steering,
-    TimedValue,
 )
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
@@ -27,12 +27,24 @@ from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
 from foresee_dsl.compile.placement.reach import never_near
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
 from foresee_dsl.compile.placement.starts import StartSearch
-from foresee_dsl.compile.placement.statements import WHEELS, item, items, lane_kind, path_of, route_of, si
+from foresee_dsl.compile.placement.statements import (
+    WHEELS,
+    item,
+    items,
+    lane_kind,
+    path_of,
+    playback_of,
+    route_of,
+    si,
+    timed,
+    track_of,
+)
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.roads.walkways import Walk, walkways
+from foresee_dsl.compile.tracks import TracksError, read_tracks
 from foresee_dsl.errors import MessageText, measured
 from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
@@ -83,7 +95,8 @@ class SceneBuilder:
                 message = f"there is no model {model}"
                 self._add(actor.name, "model", codes.UNKNOWN, message, did_you_mean(model, specs))
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
-        self._starts = StartSearch(network, self._actors, self._spec_of)
+        self._playbacks = self._recorded()
+        self._starts = StartSearch(network, self._actors, self._spec_of, self._playbacks)
         self._waiting = {
             action.actor
             for when in scenario.all(m.When)
@@ -98,6 +111,30 @@ class SceneBuilder:
         }
         self._names = NameChecks(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.first(m.End)) is not None else DEFAULT_END_S
+
+    def _recorded(self) -> dict[str, Playback]:
+        """Return how the actors with recorded tracks follow them, by name; add a problem for each track that cannot be
+        followed."""
+        stated = {name: item for name, actor in self._actors.items() if (item := track_of(actor)) is not None}
+        if not stated:
+            return {}
+        try:
+            tracks = read_tracks(self._case.tracks) if self._case.tracks is not None else {}
+        except TracksError as err:
+            self._add("", "use_tracks", codes.TRACK, str(err), "correct the file, or write it again")
+            return {}
+        playbacks: dict[str, Playback] = {}
+        for name, statement in stated.items():
+            track = tracks.get(statement.name)
+            if track is None:
+                help_ = did_you_mean(statement.name, tracks) or "write the name of an actor in the tracks file"
+                self._add(name, "track", codes.TRACK, f"there is no track called {statement.name}", help_)
+            elif si(statement.start) > track.end_s and not isinstance(self._actors[name], m.Ego):
+                message = f"the track {statement.name} ends at {track.end_s:g} s, so {name} would never be there"
+                self._add(name, "track", codes.TRACK, message, "let it begin earlier, or " + remove("remove the actor"))
+            else:
+                playbacks[name] = playback_of(self._actors[name], track, self._spec_of[name])
+        return playbacks
 
     def place(self) -> tuple[list[PlacedActor], float, float]:
         """Return the actors without background traffic, and the ego's start and goal along its line, m.
@@ -260,14 +297,17 @@ class SceneBuilder:
 
     def _place(self, name: str) -> PlacedActor | None:
         actor, spec = self._actors[name], self._spec_of[name]
-        triggered, wrong = (name in self._waiting, name in self._guided), len(self._problems)
-        former = PLACED_BEFORE.get(actor, spec, self._network, triggered)
+        playback, wrong = self._playbacks.get(name), len(self._problems)
+        apart = name in self._waiting, name in self._guided, playback.track if playback is not None else None
+        if track_of(actor) is not None and name not in self._playbacks:
+            return None  # the problem of the track is reported
+        former = PLACED_BEFORE.get(actor, spec, self._network, apart)
         if former is not None:
             self._starts.settle(name, former[1])
             return former[0]
         placed = self._place_anew(name, actor, spec)
         if placed is not None and len(self._problems) == wrong:
-            PLACED_BEFORE.put(actor, self._network, triggered, placed, self._starts.settled(name))
+            PLACED_BEFORE.put(actor, self._network, apart, placed, self._starts.settled(name))
         return placed
 
     def _place_anew(self, name: str, actor: m.Ego | m.Actor, spec: ModelSpec) -> PlacedActor | None:
@@ -281,6 +321,8 @@ class SceneBuilder:
             at = "route" if item(actor, m.StartAt) is None or self._route_fails(name) else "start_at"
             if (start := self._try(name, at, lambda: self._starts.on_route(name))) is not None:
                 placed = self._on_route(actor, spec, start)
+        elif name in self._playbacks:
+            return self._on_track(actor, spec, self._starts.on_track(name))
         elif (path := path_of(actor)) is not None:
             if (body := self._try(name, path.kind, lambda: self._starts.on_path(name))) is not None:
                 placed = self._on_path(actor, spec, body)
@@ -326,6 +368,40 @@ class SceneBuilder:
             placed = replace(placed, walk_stops=stops)
         return self._with_statements(actor, placed)
 
+    def _on_track(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnPath) -> PlacedActor:
+        """Return an actor on its recorded track; neither its place nor its speed is checked, because they were so."""
+        playback = self._playbacks[actor.name]
+        top_mps = max(map(abs, playback.track.speed_mps))
+        joins = item(actor, m.Joins)
+        edges = self._edges_to_join(actor, spec, joins) if joins is not None else ()
+        limits = [self._network.edges[edge].drivable[0].speed_mps for edge in edges]
+        cruise_mps = min(max(top_mps, cruise_speed(spec, min(limits, default=0.0))), spec.max_speed_mps)
+        speed_mps = playback.track.at(playback.start_s).speed_mps if playback.speed_mps is None else playback.speed_mps
+        return PlacedActor(
+            actor.name,
+            spec,
+            "path",
+            at.x,
+            at.y,
+            at.heading_rad,
+            0.0 if playback.delay_s > 0 else speed_mps,
+            path=at.path,
+            along_m=at.along_m,
+            cruise_mps=cruise_mps,
+            route=edges,
+            joins=bool(edges),
+            playback=playback,
+            timing=playback.timing,
+        )
+
+    def _edges_to_join(self, actor: m.Ego | m.Actor, spec: ModelSpec, joins: m.Joins) -> tuple[str, ...]:
+        """Return the edges along which an actor drives when it has left its track."""
+        if spec.kind not in WHEELS:
+            self._add(actor.name, "joins", codes.NO_WAY, f"{actor.name} cannot join the traffic", remove("remove it"))
+            return ()
+        route = m.EdgeRoute(edges=joins.edges, shortest=True)
+        return self._try(actor.name, "joins", lambda: self._network.route_edges(route, lane_kind(spec))) or ()
+
     def _joining(self, actor: m.Ego | m.Actor, placed: PlacedActor, joins: m.Joins) -> PlacedActor:
         """Return an actor on a path with the way that it follows after the path's end."""
         if placed.model.kind not in WHEELS:
@@ -351,6 +427,10 @@ class SceneBuilder:
             return max(si(actor.state.speed), 0.0)
         if actor.name in self._waiting or (delay is not None and si(delay.time) > 0):
             return 0.0
+        if start is None and actor.name in self._playbacks:
+            playback = self._playbacks[actor.name]
+            recorded_mps = playback.track.at(playback.start_s).speed_mps
+            return min(max(recorded_mps, 0.0), self._spec_of[actor.name].max_speed_mps)
         return si(start.speed) if start is not None else cruise_mps
 
     def _with_statements(self, actor: m.Ego | m.Actor, placed: PlacedActor) -> PlacedActor:
@@ -367,8 +447,9 @@ class SceneBuilder:
             delay_s=si(delay.time) if delay is not None else 0.0,
             timing=si(timing.factor) if timing is not None else 1.0,
             line_m=si(line.left) if line is not None and placed.control == "sumo" and not later else 0.0,
-            strays=_timed(line.left, line) if line is not None and later else None,
-            brakes=_timed(brakes.braking, brakes) if brakes is not None else None,
+            strays=timed(line.left, line) if line is not None and later else None,
+            brakes=timed(brakes.braking, brakes) if brakes is not None else None,
+            playback=self._playbacks.get(actor.name),
             recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
             steering=_steering(steers) if steers is not None else None,
             guided=actor.name in self._guided,
@@ -388,6 +469,13 @@ class SceneBuilder:
             return 0.0, 0.0
         line, start = ego.line, self._starts.on_route("ego").s
         goal_at = item(self._actors["ego"], m.GoalAt)
+        if goal_at is None and ego.playback is not None:
+            last = ego.playback.track.at(ego.playback.track.end_s)
+            half = ego.model.length_m / 2
+            front = last.x + half * math.cos(last.heading_rad), last.y + half * math.sin(last.heading_rad)
+            goal, lateral = line.project(*front)
+            if abs(lateral) <= checks.GOAL_OFF_M and goal > start:
+                return start, min(goal, line.end_s)
         if goal_at is None:
             return start, max(line.end_s - GOAL_BEFORE_END_M, min(start + 1.0, line.end_s))
         place = self._try("ego", "goal", lambda: self._starts.spot(goal_at.place))
@@ -440,11 +528,6 @@ def _recorded(statement: m.Recorded) -> RecordedState:
 
 def _steering(steers: m.Steers) -> Steering:
     return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))
-
-
-def _timed(value: m.Value, statement: m.Line | m.Brakes) -> TimedValue:
-    until_s = math.inf if statement.duration is None else si(statement.start) + si(statement.duration)
-    return TimedValue(si(value), si(statement.start), until_s)
 
 
 def _arrives(condition: m.Condition) -> bool:

@@ -7,9 +7,10 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
+from types import MappingProxyType
 from typing import TypeVar, assert_never
 
-from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.bundle import ModelSpec, Playback
 from foresee_dsl.compile.placement.paths import shifted
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, UnsettledError
 from foresee_dsl.compile.placement.standing import Standing
@@ -58,13 +59,17 @@ _R = TypeVar("_R")
 class StartSearch:
     """Computes the starts of actors, one at a time, because a place may refer to the route and start of another actor.
 
-    `actors` holds the actors and `specs` their models, both by the actor's name.
+    `actors` holds the actors, `specs` their models and `playbacks` their recorded tracks, all by the actor's name.
     """
 
     def __init__(
-        self, network: RoadNetwork, actors: Mapping[str, m.Ego | m.Actor], specs: Mapping[str, ModelSpec]
+        self,
+        network: RoadNetwork,
+        actors: Mapping[str, m.Ego | m.Actor],
+        specs: Mapping[str, ModelSpec],
+        playbacks: Mapping[str, Playback] = MappingProxyType({}),
     ) -> None:
-        self._network, self._actors, self._specs = network, actors, specs
+        self._network, self._actors, self._specs, self._playbacks = network, actors, specs, playbacks
         self._on_routes: dict[str, OnRoute] = {}
         self._paths: dict[str, OnPath] = {}
         self._resolving: list[str] = []
@@ -131,6 +136,10 @@ class StartSearch:
                 return Standing(
                     on.x, on.y, on.heading_rad, spec.length_m, spec.width_m, lines.line_of(on.path), on.along_m
                 )
+            if name in self._playbacks:
+                recorded = self.on_track(name)
+                pose = recorded.x, recorded.y, recorded.heading_rad
+                return Standing(*pose, spec.length_m, spec.width_m, lines.line_of(recorded.path), recorded.along_m)
             return Standing(*self.still(name), spec.length_m, spec.width_m)
 
     @contextmanager
@@ -232,6 +241,12 @@ class StartSearch:
         line_statement = item(actor, m.Line)
         path = shifted(path, along, si(line_statement.left)) if line_statement is not None else path
         return OnPath(x, y, heading, path, along)
+
+    def on_track(self, name: str) -> OnPath:
+        """Return the start of an actor with a recorded track."""
+        playback = self._playbacks[name]
+        state = playback.track.at(playback.start_s)
+        return OnPath(state.x, state.y, state.heading_rad, playback.track.way, state.along_m)
 
     def _points_of(self, path: m.AnyPath) -> Iterable[XY]:
         """Return the corners of a path, m."""
@@ -352,6 +367,10 @@ class StartSearch:
         if actor.state is not None:
             return si(actor.state.at.x), si(actor.state.at.y), wrap(si(actor.state.heading))
         start = item(actor, m.StartAt)
+        if start is None and name in self._playbacks:
+            recorded, half = self.on_track(name), spec.length_m / 2
+            heading = recorded.heading_rad
+            return recorded.x + half * math.cos(heading), recorded.y + half * math.sin(heading), heading
         line = self._first_line(name)
         if start is None:
             # places the whole vehicle on its first edge, if that is long enough

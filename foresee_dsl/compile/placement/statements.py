@@ -1,17 +1,22 @@
-"""Reads the statements of an actor that determine its position, and the kind of lanes that its model uses."""
+"""Reads the statements of an actor that determine its position and its track, and the kind of lanes that its model
+uses."""
 
 from __future__ import annotations
 
 import math
 from typing import TypeVar
 
-from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.bundle import ModelSpec, Playback, TimedValue
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind
+from foresee_dsl.compile.tracks import Track
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 
 _T = TypeVar("_T", bound=m.Item)
+PUSHED_MPS2 = 2.0
+"""Acceleration and braking of an obstacle that moves, m/s^2; models of obstacles have no such values. Ours: a value for
+a cart that is pushed."""
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
 
@@ -47,6 +52,35 @@ def route_of(actor: m.Ego | m.Actor) -> m.Route | m.EdgeRoute | None:
 def path_of(actor: m.Ego | m.Actor) -> m.AnyPath | None:
     """Return the statement that leads an actor off the lanes, if any."""
     return item(actor, m.Path) or item(actor, m.PathAlong)
+
+
+def track_of(actor: m.Ego | m.Actor) -> m.Track | None:
+    """Return the statement with an actor's recorded track, if any."""
+    return item(actor, m.Track)
+
+
+def playback_of(actor: m.Ego | m.Actor, track: Track, spec: ModelSpec) -> Playback:
+    """Return how an actor with a `track` statement follows that track."""
+    statement, timing, delay = track_of(actor), item(actor, m.Timing), item(actor, m.Delay)
+    line, brakes, speed = item(actor, m.Line), item(actor, m.Brakes), item(actor, m.StartSpeed)
+    start_s = si(statement.start) if statement is not None else 0.0
+    return Playback(
+        track=track,
+        start_s=start_s,
+        timing=si(timing.factor) if timing is not None else 1.0,
+        delay_s=si(delay.time) if delay is not None else 0.0,
+        brakes=timed(brakes.braking, brakes) if brakes is not None else None,
+        speed_mps=si(speed.speed) if speed is not None else None,
+        acceleration_mps2=spec.acceleration_mps2 or PUSHED_MPS2,
+        left_m=si(line.left) if line is not None else 0.0,
+        moves_over_s=start_s + (si(line.start) if line is not None else 0.0),
+    )
+
+
+def timed(value: m.AnyValue, statement: m.Line | m.Brakes) -> TimedValue:
+    """Return the value of a statement with the time for which it holds."""
+    until_s = math.inf if statement.duration is None else si(statement.start) + si(statement.duration)
+    return TimedValue(si(value), si(statement.start), until_s)
 
 
 def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:

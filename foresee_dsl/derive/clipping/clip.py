@@ -12,6 +12,7 @@ import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_actions, door_side
 from foresee_dsl.derive.clipping.snapshot import front, has_passed, present, remaining_route
+from foresee_dsl.derive.clipping.tracks import Followed, ego_track, followed
 from foresee_dsl.derive.clipping.triggers import Resumed, at_once, triggers_at
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
@@ -166,16 +167,21 @@ class _Beginning:
                     self._patches.append(item)
                 case m.When() | m.SignalState() | m.Traffic() | m.End():
                     pass  # rewritten for this frame: triggers, signals, each actor of the traffic, the window
-                case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
+                case m.UseNetwork() | m.UseModels() | m.UseTracks() | m.Network():
+                    pass  # added from the parent by `language.project.expand.expand_clip`
+                case m.Weather() | m.Tags() | m.Expect():
                     pass  # added from the parent by `language.project.expand.expand_clip`
                 case m.Doc() | m.Expected() | m.Param() | m.Require() | m.Case() | m.Cases():
                     pass  # statements about the parent's text, and parameters, whose values are already inserted
                 case _:
                     assert_never(item)
-        self._triggers = triggers_at(case.scenario, trace, frame)
+        self._followed = followed(case, trace, frame)
+        absent = frozenset(name for name in self._followed if math.isnan(trace.states[frame, trace.index(name), X]))
+        self._triggers = triggers_at(case.scenario, trace, frame, later=absent)
         self.gone = self._triggers.moment.gone
         doors = {m.door_name(action.actor, door_side(action)) for action in door_actions(case.scenario)}
-        self._others = tuple(k for k in present(trace, frame)[1:] if trace.actors[k].id not in doors)
+        here = {*present(trace, frame), *(trace.index(name) for name in absent)} - {0}
+        self._others = tuple(k for k in sorted(here) if trace.actors[k].id not in doors)
         running, self._taken = self._triggers.under_way()
         later = (*running, *self._triggers.pending())
         self._later = (*later, *self._triggers.held_back(later))
@@ -191,6 +197,8 @@ class _Beginning:
         frames = [*range(first + step, drives_from, step), drives_from] if drives_from > first else []
         recorded = (m.Recorded(time=_seconds((k - first) * STEP_S), state=_state(trace, 0, k)) for k in frames)
         body: list[m.ActorItem] = [m.EdgeRoute(edges=route)] if route else []
+        track = None if self._ego is None else ego_track(self._ego, self._now_s)
+        body += [] if track is None else [track]
         return m.Ego(model=trace.actors[0].model, state=_state(trace, 0, first), body=(*body, *kept, *recorded))
 
     def actors(self) -> list[m.Actor]:
@@ -233,6 +241,8 @@ class _Beginning:
     def _actor(self, k: int) -> m.Actor:
         info, orders = self._trace.actors[k], self._triggers.orders_of(self._trace.actors[k].id)
         source = self._source(info.id)
+        if info.id in self._followed:
+            return self._follower(info, self._followed[info.id], orders)
         timing = next((si_of(item.factor) for item in source if isinstance(item, m.Timing)), 1.0)
         cruise = self._cruise(info, orders) if orders.keeps_mps is None else _quantity(orders.keeps_mps, "speed")
         carried = [statement for item in source for statement in self._carried(item, info, orders)]
@@ -250,6 +260,14 @@ class _Beginning:
                 *carried,
             ),
         )
+
+    def _follower(self, info: ActorInfo, followed: Followed, orders: ActorOrders) -> m.Actor:
+        """Return an actor that follows its track; the track gives its place, so it has no state."""
+        actor = self._written[info.id]
+        changed = (i for i in actor.body if isinstance(i, m.Timing | m.Delay | m.Brakes))
+        carried = (statement for i in changed for statement in self._carried(i, info, orders))
+        body = (*followed.statements(actor), *carried)
+        return m.Actor(kind=_kind(info), name=info.id, model=info.model, body=body)
 
     def _way(self, k: int, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
         info = self._trace.actors[k]
@@ -312,6 +330,7 @@ class _Beginning:
                 | m.EdgeRoute()
                 | m.Path()
                 | m.PathAlong()
+                | m.Track()
                 | m.Joins()
                 | m.Walked()
                 | m.StartAt()
@@ -331,6 +350,8 @@ class _Beginning:
         """
         again: list[m.Action] = []
         name = self._trace.actors[k].id
+        if name in self._followed:
+            return at_once(m.LeavesTrack(actor=name)) if self._followed[name].leaves else None
         orders = self._triggers.orders_of(name)
         if orders.speed is not None:
             action = orders.speed.action

@@ -79,7 +79,7 @@ def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Contain
 
     While an actor is in the world in one run only, its distance is measured to its last place in the other run, unless
     it left the two runs within one frame of each other. Actors that are absent at the window's beginning are not
-    compared.
+    compared, except those whose recorded track begins later.
 
     Args:
         parent: the run from which the clip was cut.
@@ -97,12 +97,14 @@ def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Contain
     distances: dict[str, float] = {}
     for k, info in enumerate(parent.actors):
         there = parent.states[start_frame : start_frame + frames, k, [X, Y]]
-        if not frames or np.isnan(there[0, 0]) or info.id in without:
+        present = np.flatnonzero(~np.isnan(there[:, 0]))
+        first = int(present[0]) if present.size else frames
+        if first == frames or (first > 0 and not info.path) or info.id in without:
             continue
         if info.id not in columns:
             raise ValueError(f"the clip's run has no actor {info.id!r}")
         here = child.states[:frames, columns[info.id], [X, Y]]
-        distances[info.id] = _apart(here, there)
+        distances[info.id] = _apart(here[first:], there[first:])
     # An actor that the clip could not place in the world has no position, so its distance is infinite.
     return Deviation({actor: math.inf if math.isnan(far) else far for actor, far in distances.items()}, frames)
 

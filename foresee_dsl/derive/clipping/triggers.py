@@ -256,8 +256,8 @@ class Triggers:
         return bool(lanes.size and lanes[0] >= 0 and (lanes == lanes[0]).all())
 
 
-def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
-    """Return the triggers of a run at a frame.
+def triggers_at(scenario: m.Scenario, trace: Trace, frame: int, *, later: frozenset[str] = frozenset()) -> Triggers:
+    """Return the triggers of a run at a frame; `later`: the actors that are not there yet.
 
     Raises:
         ValueError: the trace has no record of its triggers, or is of another scenario.
@@ -272,7 +272,7 @@ def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
             f"the trace is of another scenario: it has {len(record.triggers)} triggers, this one has {len(whens)}"
         )
     here = present(trace, frame)
-    gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
+    gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here) - later
     timed = (a.name for a in scenario.all(m.Actor) if any(isinstance(item, m.Timing) for item in a.body))
     return Triggers(
         trace=trace,
@@ -367,6 +367,7 @@ class _Rest:
                 | m.Starts()
                 | m.FollowsPath()
                 | m.Leaves()
+                | m.LeavesTrack()
                 | m.TurnsTo()
                 | m.Limit()
                 | m.Door()

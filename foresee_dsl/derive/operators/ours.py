@@ -238,7 +238,8 @@ def retimed(
     along = _along(track)
     time_s = np.arange(len(boxes)) * STEP_S
     later_s = np.maximum(time_s - delay_s[:, None], 0.0)
-    return _at(track, along, ahead_m[:, None] + factor[:, None] * np.interp(later_s, time_s[: len(along)], along))
+    present_s = time_s[~np.isnan(boxes[:, 0])]
+    return _at(track, along, ahead_m[:, None] + factor[:, None] * np.interp(later_s, present_s, along))
 
 
 def _along(track: FloatArray) -> FloatArray:

@@ -173,6 +173,8 @@ class _Moment(Situation):
         definition = PROPERTIES[name]
         if definition.dimension is None:
             return None
+        if name == "moving" and actor in self.trace.on_tracks:
+            return None  # its place follows from the time of its track
         if name == "moving":
             along = float(self.trace.along[0, self.columns[actor]])
             return None if math.isnan(along) else Quantity.of(along, definition.dimension, 2)

@@ -6,17 +6,19 @@ import re
 from collections.abc import Iterator, Sequence
 
 from foresee_dsl.errors import subject
-from foresee_dsl.helps import HelpText, one_of, remove, rename, write
+from foresee_dsl.helps import HelpText, in_block, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
-from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.printer import print_item, written
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.traversal import walk
 
 _PATHS = ("path", "path_along")
 _WAYS = ("route", "edge_route", *_PATHS)
 _PASSING_CLASSES = ("bicycle", "motorcycle")
+_BESIDE_TRACK = (m.Track, m.Joins, m.Timing, m.Delay, m.Line, m.Brakes, m.StartSpeed)
+"""Statements of an actor that follows a recorded track. A `start speed` is in clips, for an actor that has braked."""
 _SET_LINE = (m.ChangesLine, m.KeepsBeside, m.FollowsPath, m.Reverses)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
@@ -41,6 +43,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
         _check_place(findings, actor, next((other for other in actors if isinstance(other, m.Ego)), None))
         _check_once(findings, actor)
         _check_joins(findings, actor)
+        _check_track(findings, actor)
         _check_times(findings, actor)
         _check_recorded(findings, actor)
         _check_class(findings, actor, parameters, cases)
@@ -49,6 +52,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     for group in groups:
         for k, model in enumerate(group.models):
             _known_class(findings, group, f"models.{k}", model)
+    _check_deviation(findings, body, next((actor for actor in actors if isinstance(actor, m.Ego)), None))
     doors = {
         door_of(part) for item in body if isinstance(item, m.When) for part in walk(item) if isinstance(part, m.Door)
     }
@@ -64,7 +68,12 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
             help = "write it like " + write("route from south straight over j4")
             findings.add(actor, "", "FS042", "the ego has no route", help, head_only=True)
         return
-    placed = actor.state is not None or moves or ("start_at" in kinds and actor.kind in ("obstacle", "pedestrian"))
+    placed = (
+        actor.state is not None
+        or moves
+        or "track" in kinds
+        or ("start_at" in kinds and actor.kind in ("obstacle", "pedestrian"))
+    )
     if not placed:
         help = "add one, such as " + write("path [(0 m, 0 m), (20 m, 0 m)]")
         if actor.kind != "pedestrian":
@@ -79,11 +88,45 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
 def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
     """Report an actor that joins the traffic but has no path to come from."""
     for item in actor.body:
-        if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath) for other in actor.body):
+        if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath | m.Track) for other in actor.body):
             help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
             findings.add(
                 item, "", "FS042", f"'{actor.name}' joins the traffic at the end of a path, but it has no path", help
             )
+
+
+def _check_track(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    """Report what an actor that follows a recorded track cannot have, because the track decides it."""
+    if isinstance(actor, m.Ego) or not any(isinstance(item, m.Track) for item in actor.body):
+        return
+    if actor.state is not None:
+        help = "the track gives it its position: leave the other one out"
+        findings.add(actor, "", "FS042", f"'{actor.name}' has a position and a track", help, head_only=True)
+    for item in actor.body:
+        if not isinstance(item, _BESIDE_TRACK):
+            what = written(item).split("(")[0].split("[")[0].strip()
+            message = f"'{actor.name}' follows its track, so it cannot have `{what}`"
+            findings.add(item, "", "FS042", message, remove("remove it") + ", or the track")
+        later = isinstance(item, m.Line) and isinstance(item.start, m.Quantity) and item.start.si > 0
+        if isinstance(item, m.Line) and (later or item.duration is not None):
+            message = f"'{actor.name}' follows its track, so its `line` cannot have times"
+            findings.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
+
+
+def _check_deviation(findings: Findings, body: Sequence[m.Item], ego: m.Ego | None) -> None:
+    """Report a measured deviation of an actor that is not the ego, or of an ego without a track."""
+    recorded = ego is not None and any(isinstance(item, m.Track) for item in ego.body)
+    for measure in (part for item in body if isinstance(item, m.When | m.Expect) for part in walk(item)):
+        if not isinstance(measure, m.Measure) or measure.what != "deviation":
+            continue
+        if measure.actor != "ego":
+            message = (
+                "only the ego deviates from its track: " + subject(f"{measure.actor}") + " follows its own exactly"
+            )
+            findings.add(measure, "actor", "FS042", message, "write " + write("ego.deviation"))
+        elif not recorded and ego is not None:
+            help = in_block('track "112"', "ego") + " with the name of its recorded track"
+            findings.add(measure, "", "FS042", "the ego has no recorded track from which it could deviate", help)
 
 
 def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:

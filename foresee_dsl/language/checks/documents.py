@@ -82,8 +82,12 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
             "a scenario has exactly one network: " + remove("remove it"),
             head_only=True,
         )
-    for kind in (m.End, m.Weather, m.Tags):
+    for kind in (m.End, m.Weather, m.Tags, m.UseTracks):
         findings.only_once(scenario.all(kind))
+    if not scenario.all(m.UseTracks):
+        for track in (item for actor in scenario.actors for item in actor.body if isinstance(item, m.Track)):
+            help = "add the file that holds it: " + write('use tracks "recorded.tracks.csv"')
+            findings.add(track, "", "FS042", f"there is no file with the track '{track.name}'", help)
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
         findings.unique(((item, "name", item.name) for item in named if item.name is not None), what)
     findings.unique(((item, "name", item.name) for item in scenario.all(m.Slippery)), "slippery patches")
@@ -128,6 +132,8 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
             case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si <= start.si:
                 help = meant_code(f"window {written(end)}..{written(start)}")
                 findings.add(item, "", "FS039", "this window ends before it begins", help)
+            case m.Actor(state=None) if any(isinstance(part, m.Track) for part in item.body):
+                pass  # its track gives its position
             case m.Ego(state=None) | m.Actor(state=None):
                 help = "in a clip every actor has a state: " + write("at (1 m, 2 m) heading 90 deg speed 8 m/s")
                 findings.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)

@@ -13,7 +13,7 @@ from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of
 from foresee_dsl.language.diff.plain import TextChange, texts
-from foresee_dsl.language.meaning import models_named
+from foresee_dsl.language.meaning import file_digest, models_named
 from foresee_dsl.language.project.addresses import (
     FOREIGN_NETWORKS,
     absolute,
@@ -110,7 +110,8 @@ def diff_cases(old: TestCase, new: TestCase) -> tuple[Difference, ...]:
     a, b = (_without_files(expanded_model(case)) for case in (old, new))
     named = models_named(old.scenario) & models_named(new.scenario)
     models = (_catalogue(old.models, named), _catalogue(new.models, named))
-    return (*diff_models(a, b), *_diff_networks(old.network, new.network), *_under("models", diff_models(*models)))
+    files = (*_diff_networks(old.network, new.network), *_diff_tracks(old.tracks, new.tracks))
+    return (*diff_models(a, b), *files, *_under("models", diff_models(*models)))
 
 
 def diff_files(
@@ -130,11 +131,13 @@ def diff_files(
     except InputError:  # a file that they use is missing or has errors: only their own text is compared
         return diff_models(a, b)
     changes = diff_models(_without_files(a), _without_files(b))
-    return (*changes, *_diff_networks(*networks), *_under("models", diff_models(*catalogues)))
+    files = (*_diff_networks(*networks), *_diff_tracks(_used_tracks(old_file, a), _used_tracks(new_file, b)))
+    return (*changes, *files, *_under("models", diff_models(*catalogues)))
 
 
 def _without_files(scenario: m.Scenario) -> m.Scenario:
-    body = tuple(item for item in scenario.body if not isinstance(item, m.UseNetwork | m.UseModels | m.Network))
+    files = m.UseNetwork | m.UseModels | m.UseTracks | m.Network
+    body = tuple(item for item in scenario.body if not isinstance(item, files))
     return m.Scenario(name=scenario.name, body=body)
 
 
@@ -150,6 +153,14 @@ def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
     was, now = (network.name if network is not None else None for network in (a, b))
     note = "other content" if was == now else ""
     return (Difference("network", "network", kind_of(was, now), was, now, note, Edit("set", ("network",), b)),)
+
+
+def _diff_tracks(a: Path | None, b: Path | None) -> tuple[Difference, ...]:
+    if a == b or (a is not None and b is not None and file_digest(a) == file_digest(b)):
+        return ()
+    was, now = (tracks.name if tracks is not None else None for tracks in (a, b))
+    note = "other content" if was == now else ""
+    return (Difference("stimulus", "tracks", kind_of(was, now), was, now, note, Edit("set", ("tracks",), b)),)
 
 
 def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:
@@ -168,6 +179,12 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
     if isinstance(model, m.Network):
         return model
     raise mistake(c.WRONG_KIND, f"'{used.path}' does not hold a network", "", "")
+
+
+def _used_tracks(file: Path, scenario: m.Scenario) -> Path | None:
+    used = scenario.first(m.UseTracks)
+    path = None if used is None else absolute(file.parent / used.path)
+    return path if path is not None and is_file(path) else None
 
 
 def _used_models(project: Project, file: Path, scenario: m.Scenario) -> m.Catalogue:

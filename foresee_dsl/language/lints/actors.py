@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import get_args
 
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
@@ -46,9 +46,12 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | No
             "a trigger cannot control the ego: the driver under test drives it",
             "name another actor, or " + remove("remove this"),
         )
+    statements = {type(item) for item in actor.body}
+    if isinstance(action, m.LeavesTrack) or (m.Track in statements and not isinstance(action, m.Leaves)):
+        return _cannot_leave(action, actor.name, statements)
     if actor.kind == "obstacle" and not isinstance(action, m.Leaves):
         return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or " + remove("remove this")
-    ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path, m.PathAlong}
+    ways = statements & {m.Route, m.EdgeRoute, m.Path, m.PathAlong}
     if not ways and actor.state is None and not isinstance(action, m.Leaves):
         help = in_block("path [(0 m, 0 m), (20 m, 0 m)]", actor.name) + ", or " + remove("remove this")
         return f"'{actor.name}' has no route or path, so it cannot move", help
@@ -58,6 +61,17 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | No
         help = "lead its " + write("path") + " there instead, or " + remove("remove this")
         return f"'{actor.name}' moves without lanes, so it cannot do this", help
     return None
+
+
+def _cannot_leave(action: m.Item, name: str, statements: Collection[type[m.Item]]) -> tuple[str, HelpText] | None:
+    """Return why an actor cannot leave its track, and so cannot do what only an actor off its track does."""
+    if m.Track not in statements:
+        return f"'{name}' follows no track, so it cannot leave it", "name another actor, or " + remove("remove this")
+    if m.Joins in statements:
+        return None
+    does = "leave it" if isinstance(action, m.LeavesTrack) else "do this"
+    help = in_block("then joins [west, east]", name) + " with the edges along which it drives afterwards, or "
+    return f"'{name}' follows its track to the end, so it cannot {does}", help + remove("remove this")
 
 
 def _too_fast(

@@ -17,6 +17,7 @@ from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.certain import Limits, always, never
 from foresee_dsl.language.lints.finding import LintFinding
+from foresee_dsl.language.meaning import file_pin
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
@@ -129,6 +130,7 @@ def _of_case(case: TestCase) -> Iterator[LintFinding]:
     yield from dead_text.of_itself(scenario)
     yield from actor_lints(case)
     yield from route_lints(case)
+    yield from _not_pinned(case)
 
 
 def _expectation(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
@@ -165,6 +167,14 @@ def _nothing_expected(scenario: m.Scenario) -> Iterator[LintFinding]:
     yield LintFinding(
         scenario, "name", c.NOTHING_EXPECTED, message, "add " + write("expect never collision(ego)") + ", for example"
     )
+
+
+def _not_pinned(case: TestCase) -> Iterator[LintFinding]:
+    used = case.scenario.first(m.UseTracks)
+    if used is not None and used.pin is None and case.tracks is not None:
+        message = f"'{used.path}' is not pinned, so nothing notices when it changes"
+        help = "write " + write(f'use tracks "{used.path}" pin {file_pin(case.tracks)}')
+        yield LintFinding(used, "", c.NO_PIN, message, help)
 
 
 # ---- places ---------------------------------------------------------------------------------------------------------

@@ -216,6 +216,19 @@ class Leaves(Item):
     actor: v.ActorName
 
 
+class LeavesTrack(Item):
+    """`lorry leaves track`: a vehicle leaves its recorded track at its present place and speed; from now on SUMO drives
+    it along the edges of its `then joins`.
+
+    A vehicle that is not there yet leaves its track when it appears. One that is on none of the lanes of these edges,
+    as inside a junction, stays on its track until it is.
+    """
+
+    pattern = "{actor} leaves track"
+
+    actor: v.ActorName
+
+
 class Synchronises(Item):
     """`cutter synchronises at 5 m before j4 on cutter.route with ego at 10 m before j4 on ego.route speed 8 m/s`: the
     actor controls its speed so that its front reaches its place when the other's front reaches the other place; the

@@ -16,6 +16,7 @@ from foresee_dsl.language.model.actions import (
     KeepsBeside,
     KeepsGap,
     Leaves,
+    LeavesTrack,
     Limit,
     MatchesSpeed,
     Reverses,
@@ -100,6 +101,25 @@ class PathAlong(Item):
     begin: v.Length
     end: v.Length
     offset: v.Length | None = None
+
+
+class Track(Item):
+    """`track "117"`, `track "117" from 3.40 s`: the actor is where the recording has it, beginning at this time of the
+    recording (0 s); `use tracks` names the file.
+
+    An actor other than the ego is at each frame exactly at that place, with that heading and speed, whatever happens
+    around it. It is absent before its first and after its last recorded place. The ego is driven by its driver: its
+    track gives the start, the speed at the start and the goal, if the file does not state them, and `ego.deviation` is
+    the distance to it.
+    """
+
+    pattern = "track {name} [from {start}]"
+    words = """
+        track (statement): the recorded track that an actor follows, by its name in the tracks file | track "117"
+    """
+
+    name: Annotated[v.Text, Field(min_length=1)]
+    start: Annotated[v.Time, Bounds(0.0)] | None = None
 
 
 AnyPath = Path | PathAlong
@@ -342,6 +362,7 @@ ActorItem = Annotated[
     | EdgeRoute
     | Path
     | PathAlong
+    | Track
     | Joins
     | StartAt
     | StartSpeed
@@ -508,8 +529,9 @@ class Then(Item):
     An action is complete: `starts` when the actor moves off; `changes speed` when its speed or the time is reached;
     `changes lane` when the actor is in the lane or cannot change to it; `stops for` when it drives again (`stops` alone
     never); `brakes for` after the time (`brakes` alone never); `meets` when it is through the junction; `ignores`,
-    `turns to`, `limit`, `door` and `leaves` at once; `changes line` when it has reached the line; `follows`, `matches`
-    and `keeps` after their time, or without a time as soon as they have reached the gap or speed that they keep;
+    `turns to`, `limit`, `door`, `leaves` and `leaves track` at once; `changes line` when it has reached the line;
+    `follows`, `matches` and `keeps` after their time, or without a time as soon as they have reached the gap or speed
+    that they keep;
     `synchronises` when it is at its place; `follows` with a path at the path's end; `reverses` when it has covered the
     distance. Actions of an actor that has left the world count as complete.
     """
@@ -542,7 +564,7 @@ Moves = (
 """Actions that say how an actor moves."""
 WithoutActor = TurnsTo | Limit | Wait | Then
 """Actions without an actor."""
-Action = Annotated[Moves | Door | WithoutActor, ONE_OF]
+Action = Annotated[Moves | LeavesTrack | Door | WithoutActor, ONE_OF]
 
 Then.model_rebuild()
 

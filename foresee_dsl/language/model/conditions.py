@@ -25,6 +25,7 @@ MEASURED: Mapping[str, Dimension] = MappingProxyType(
         "acceleration": "acceleration",
         "distance": "length",
         "offset": "length",
+        "deviation": "length",
         "lateral": "length",
         "overlap": "length",
         "relative_speed": "speed",
@@ -44,7 +45,8 @@ class Measure(Phrase):
     until the footprints touch if both keep their velocities; infinite if they do not. `headway(a, b)`: s that `a` needs
     for the distance between the two footprints at its speed, but at least 1 m/s.
 
-    `ego.offset`: m from the middle of the lane that contains its middle, left positive. The others refer to the way of
+    `ego.offset`: m from the middle of the lane that contains its middle, left positive. `ego.deviation`: m between the
+    ego's middle and the place at which its recorded `track` has it now. The others refer to the way of
     `a`: its route, its path, or straight on. `lateral(a, b)`: m to the side between the footprints, 0 if they overlap
     sideways. `overlap(a, b)`: m over which the footprints are side by side; a negative value is the gap. `ttc_along(a,
     b)`: s until the footprints are side by side if both keep their speeds along that way; 0 if they are, infinite if
@@ -66,6 +68,8 @@ class Measure(Phrase):
         headway (condition): the time that the first actor needs at its speed for the gap to the other, in seconds
             | headway(ego, lead) < 2 s
         eta (constant): the time until an actor enters a junction, in seconds | ego.eta(j4) < 4 s
+        deviation (constant): the distance between the ego and the place at which its track has it now, in metres
+            | ego.deviation > 2 m
         lateral (condition): the lateral distance between two footprints, across the way of the first, in metres
             | lateral(ego, cyclist) < 1 m
         overlap (condition): the length over which two footprints are side by side, in metres; a negative one is the gap
@@ -75,7 +79,7 @@ class Measure(Phrase):
     """
 
     what: Literal[
-        "time", "speed", "acceleration", "offset", "eta", "distance", "ttc", "ttc_along", "headway",
+        "time", "speed", "acceleration", "offset", "deviation", "eta", "distance", "ttc", "ttc_along", "headway",
         "lateral", "overlap", "relative_speed",
     ]  # fmt: skip
     actor: v.ActorName | None = None
@@ -87,7 +91,7 @@ class Measure(Phrase):
         match self.what:
             case "time":
                 return self.what
-            case "speed" | "acceleration" | "offset":
+            case "speed" | "acceleration" | "offset" | "deviation":
                 return f"{{actor}}.{self.what}"
             case "eta":
                 return "{actor}.eta({other})"

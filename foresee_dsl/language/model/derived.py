@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from foresee_dsl.language.model import actors as a
 from foresee_dsl.language.model.actions import HARDEST_MPS2, WIDEST_LINE_M
 from foresee_dsl.language.model.expected import Expected
@@ -25,6 +23,7 @@ from foresee_dsl.language.model.values import (
     Id,
     Length,
     Name,
+    Pin,
     Point,
     Quantity,
     Text,
@@ -244,9 +243,6 @@ class Extension(Item):
 
 
 # ---- clips and mutants ----------------------------------------------------------------------------------------------
-
-Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
-"""The first twelve digits of the hash of the parent's meaning (`language.meaning`)."""
 
 
 class Window(Item):

@@ -15,6 +15,7 @@ from foresee_dsl.language.model.values import (
     JunctionId,
     Length,
     Name,
+    Pin,
     Place,
     Quantity,
     Ratio,
@@ -73,6 +74,20 @@ class UseModels(Item):
     pattern = "use models {path}"
 
     path: FilePath
+
+
+class UseTracks(Item):
+    """`use tracks "cut_in.tracks.csv" pin sha256:0123456789ab`: recorded tracks of actors, from a file relative to this
+    file; the pin is the beginning of the SHA-256 of the file's bytes."""
+
+    pattern = "use tracks {path} [pin {pin}]"
+    words = """
+        tracks (statement): the recorded tracks of actors, in a file of their own
+            | use tracks "cut_in.tracks.csv" pin sha256:0123456789ab
+    """
+
+    path: FilePath
+    pin: Pin | None = None
 
 
 class Range(Phrase, kind=""):
@@ -313,6 +328,7 @@ class SignalState(Item, kind="signal"):
 _Statement = (
     UseNetwork
     | UseModels
+    | UseTracks
     | Network
     | Param
     | Require

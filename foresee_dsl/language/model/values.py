@@ -31,6 +31,9 @@ Text = Annotated[str, Field(max_length=2000, pattern=r'^[^"\n\r]*$'), Form.TEXT]
 """A string on one line, without double quotes."""
 FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r]+$'), Form.TEXT, Names("file")]
 ActorName = Annotated[Name, Names("actor")]
+Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
+"""The first twelve digits of the hash of another file: of its meaning (`language.meaning`), or of a tracks file's
+bytes."""
 
 
 def _known_unit(word: str) -> str:

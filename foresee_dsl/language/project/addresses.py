@@ -17,6 +17,8 @@ from foresee_dsl.language.model.values import NAME_PATTERN
 
 SUFFIX = ".foresee"
 FOREIGN_NETWORKS = (".net.xml", ".xodr")
+TRACKS = ".tracks.csv"
+"""How the name of a file with recorded tracks ends."""
 
 _MARKERS = (".git", ".hg", "pyproject.toml")
 """Names of files and folders that mark the topmost folder of a project."""
@@ -120,7 +122,7 @@ def near_files(path: Path) -> HelpText:
     if not is_folder(path.parent):
         return f"there is no folder '{folder}'" + _elsewhere(path)
     try:
-        names = sorted(e.name for e in path.parent.iterdir() if e.name.endswith((SUFFIX, *FOREIGN_NETWORKS)))
+        names = sorted(e.name for e in path.parent.iterdir() if e.name.endswith((SUFFIX, TRACKS, *FOREIGN_NETWORKS)))
     except OSError:
         return ""
     stems = {name.partition(".")[0]: name for name in names}

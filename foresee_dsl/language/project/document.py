@@ -93,11 +93,12 @@ class TestCase(Displayed):
             `State`.
         network: a network of the language, or the absolute path of a foreign `.net.xml` or `.xodr`.
         models: all models that may be named, by name (the bundled catalogue, then the file's own).
-        meaning: `sha256:` and 12 digits, a hash of the scenario, the network and the models that the scenario names,
-            without comments, `doc`, tags, layout, file names and the case's name.
+        meaning: `sha256:` and 12 digits, a hash of the scenario, the network, the tracks and the models that the
+            scenario names, without comments, `doc`, tags, layout, file names and the case's name.
         source: the addressed file.
         document: the parsed file; None for a test case built in memory.
         clip, mutant: the definition in its file; None if the file has no such definition.
+        tracks: the absolute path of the file with the recorded tracks of its actors; None without one.
     """
 
     __test__ = False  # pytest would collect this class by its name
@@ -111,6 +112,7 @@ class TestCase(Displayed):
     document: Document | None = None
     clip: m.Clip | None = None
     mutant: m.Mutant | None = None
+    tracks: Path | None = None
 
     @property
     def snapshot(self) -> bool:

@@ -26,7 +26,7 @@ _T = TypeVar("_T")
 def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
     """Return the full scenario of a clip that was cut from `parent`.
 
-    Network, models, tags, weather and expectations are the parent's; all actors are the clip's. Three kinds of
+    Network, models, tracks, tags, weather and expectations are the parent's; all actors are the clip's. Three kinds of
     expectations are dropped: those with `eventually` (a window cannot judge them, because the event may have happened
     before it), those about actors that the clip does not have, and those about places along a route (which begins
     elsewhere in the clip).
@@ -54,7 +54,7 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
     # A clip has no parameters, so this reports a bare name in the place of a value.
     scenario = concretise(m.Scenario(name=clip.name, body=body), None, document=document)
     check_models(scenario, parent.models, document, None)
-    meaning = meaning_hash(scenario, parent.network, parent.models)
+    meaning = meaning_hash(scenario, parent.network, parent.models, parent.tracks)
     return replace(
         parent, id=name, scenario=scenario, meaning=meaning, source=source, document=document, clip=clip, mutant=None
     )
@@ -79,9 +79,9 @@ def expand_mutant(
             findings.add(change, "now", c.WEAKENED, message, "leave the expectation as it is, or make it stricter")
     _check_expected_actors(findings, mutant, clip_case.scenario)
     findings.raise_if_any()
-    body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.Network))
+    body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.UseTracks | m.Network))
     scenario = _behind_tags(mutant.name, body, *surroundings(clip_case, source.parent))
-    meaning = meaning or meaning_hash(scenario, clip_case.network, clip_case.models)
+    meaning = meaning or meaning_hash(scenario, clip_case.network, clip_case.models, clip_case.tracks)
     return replace(
         clip_case, id=name, scenario=scenario, meaning=meaning, source=source, document=document, mutant=mutant
     )
@@ -186,10 +186,10 @@ def _with_goal(ego: m.Ego, goal: m.Goal | None) -> m.Ego:
 
 
 def surroundings(parent: TestCase, folder: Path) -> tuple[m.ScenarioItem, ...]:
-    """Return the statements by which a file in `folder` uses the parent's network and catalogues."""
+    """Return the statements by which a file in `folder` uses the parent's network, catalogues and tracks."""
     items: list[m.ScenarioItem] = []
     for item in parent.scenario.body:
-        if isinstance(item, m.UseNetwork | m.UseModels):
+        if isinstance(item, m.UseNetwork | m.UseModels | m.UseTracks):
             there = absolute(parent.source.parent / item.path)
             items.append(item.model_copy(update={"path": relative_to(folder, there)}))
         elif isinstance(item, m.Network):

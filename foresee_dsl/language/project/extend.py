@@ -21,7 +21,7 @@ from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
-_SINGLE = ("ego", "network", "weather", "end")
+_SINGLE = ("ego", "network", "use_tracks", "weather", "end")
 """Groups of statements of which a scenario has at most one."""
 
 
@@ -199,7 +199,7 @@ class _Joiner:
 
     def _moved(self, item: m.ScenarioItem, folder: Path, parent_folder: Path) -> m.ScenarioItem:
         """Return a statement of the extended scenario; a path in it becomes relative to this file's folder."""
-        if not isinstance(item, m.UseNetwork | m.UseModels) or folder == parent_folder:
+        if not isinstance(item, m.UseNetwork | m.UseModels | m.UseTracks) or folder == parent_folder:
             return item
         path = relative_to(folder, absolute(parent_folder / item.path))
         new = item.model_copy(update={"path": path})

@@ -14,7 +14,7 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
-from foresee_dsl.language.meaning import meaning_hash, pin_of
+from foresee_dsl.language.meaning import file_pin, meaning_hash, pin_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.addresses import absolute, display_path, is_folder, mistake
@@ -336,15 +336,17 @@ class Project:
         concrete = concretise(scenario, case, document=file.document)
         network = self._network(file, concrete, chain)
         models = self._models(file, concrete, chain)
+        tracks = self._tracks(file, concrete, chain)
         check_models(concrete, models, file.document, case)
         return TestCase(
             id=f"{file.document.path}::{case}" if case else file.document.path,
             scenario=concrete,
             network=network,
             models=models,
-            meaning=meaning_hash(concrete, network, models),
+            meaning=meaning_hash(concrete, network, models, tracks),
             source=file.path,
             document=file.document,
+            tracks=tracks,
         )
 
     def _parent(self, use: _Use, case: str | None, pin: str, chain: tuple[_File, ...]) -> TestCase:
@@ -387,6 +389,26 @@ class Project:
                 use.fail(c.WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", _name_another(use, "models"))
             models |= entries(model)
         return models
+
+    def _tracks(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> Path | None:
+        """Return the file with the recorded tracks; raise an error if it is not the file that is pinned."""
+        used = scenario.first(m.UseTracks)
+        if used is None:
+            return None
+        use = _Use(file, used, "path", used.path)
+        if not used.path.endswith(a.TRACKS):
+            use.fail(c.UNKNOWN_SUFFIX, f"'{used.path}' is a file of an unknown kind", f"name a file in {a.TRACKS}")
+        self._check_reachable(use, chain)
+        try:
+            now = file_pin(use.path)
+        except OSError as err:
+            use.fail(c.MISSING_FILE, f"'{used.path}' cannot be read: {err.strerror}", "name another file of tracks")
+        if self._check_pin and used.pin not in (None, now):
+            pinned = subject(str(used.pin))
+            message = f"'{used.path}' has the hash " + subject(now) + " now, but " + pinned + " is pinned"
+            help_ = "if the new tracks are meant, write " + write(now)
+            use.fail(c.STALE_TRACKS, message, help_, field="pin")
+        return use.path
 
     def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> m.Item:
         _check_cycle(use, chain)

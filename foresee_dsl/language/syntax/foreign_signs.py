@@ -43,9 +43,9 @@ _ONE_VALUE = re.compile(r"\b(?P<name>min|max)\s*\((?P<value>[^(),]+)\)$")
 _CALL = re.compile(r"(?P<name>[^\W\d]\w*)\s*$")
 _POWER = re.compile(r"\*\*|\^")
 _RAISED = re.compile(r"(?P<base>-?[0-9.]+(?:\s*[a-z/]+)?|[a-z]\w*|\([^()]*\))\s*(?:\*\*|\^)\s*(?P<times>[23])(?![\w.])")
-_MEASURED = re.compile(r"[^\W\d]\w*\.(?:speed|acceleration|eta|offset)\b")
+_MEASURED = re.compile(r"[^\W\d]\w*\.(?:speed|acceleration|eta|offset|deviation)\b")
 _MEASURED_BEFORE = re.compile(
-    r"(?P<what>[^\W\d]\w*\.(?:speed|acceleration|offset|eta\s*\([^()]*\))"
+    r"(?P<what>[^\W\d]\w*\.(?:speed|acceleration|offset|deviation|eta\s*\([^()]*\))"
     r"|(?:distance|ttc|ttc_along|headway|lateral|overlap|relative_speed)\s*\([^()]*\)|\btime)\s*$"
 )
 

@@ -34,7 +34,7 @@ _MEANT_PROPERTIES = {
 }
 """Names of properties in other languages, each with the name in this one."""
 _PLACES_OF_ACTORS = ("x", "y", "position", "pos", "location", "place", "lane", "road", "edge", "junction")
-_READ_OFF = ("speed", "acceleration", "offset")
+_READ_OFF = ("speed", "acceleration", "offset", "deviation")
 """Measures of one actor that take no argument."""
 MAX_DEPTH = 40
 """Maximum nesting of conditions (ours: far more than people write, far below Python's recursion limit)."""

@@ -15,9 +15,9 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
-_HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then(?!\s+joins\b))\b")
+_HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then(?!\s+joins\b))\b(?!\s*=(?!=))")
 """First words of statements whose block is recognised by its indentation even without braces, because the actions in it
-are not allowed elsewhere."""
+are not allowed elsewhere. In a case, `when = 3 s` gives a value to a parameter of that name."""
 _SECOND_WORD = re.compile(r"\w+\s+(\w+)")
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
 _ENDS_OF_LISTS = ("]", "{", "}", ";")

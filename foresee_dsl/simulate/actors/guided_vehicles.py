@@ -1,21 +1,26 @@
-"""Vehicles that follow a path for a part of the run and are driven by SUMO before and after it, and the changes between
-path and SUMO.
+"""Vehicles that follow a path or a recorded track for a part of the run and are driven by SUMO before and after it, and
+the changes between path and SUMO.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 
-from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.bundle import PlacedActor, Playback
+from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.path_groups import PathGroup
 from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
+from foresee_dsl.simulate.actors.track_followers import TrackActor, TrackGroup
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
@@ -31,13 +36,16 @@ class GuidedVehicle(SumoVehicle):
     """A vehicle that SUMO drives except while it follows a path.
 
     Attributes:
+        leaves_track: whether it was told to leave its recorded track.
         guide: the actor on the path whose position the vehicle takes over, None while SUMO drives it.
         way: the line of the edges that the vehicle joins at the path's end; None if it stays at the end. route: these
             edges.
         ends_m: length of its path, m. backs: whether it reverses along its path.
     """
 
-    __slots__ = ("_edge", "_friction", "_group", "_roads", "_world", "backs", "ends_m", "guide", "route", "way")
+    __slots__ = (
+        "_edge", "_friction", "_group", "_roads", "_world", "backs", "ends_m", "guide", "leaves_track", "route", "way",
+    )  # fmt: skip
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Place the actor as the scene says: on a path, or on the lanes."""
@@ -45,14 +53,37 @@ class GuidedVehicle(SumoVehicle):
         self.guide: PathActor | None = None
         self.way: RouteLine | None = None
         self.route, self.backs = actor.route, False
-        self.ends_m = math.inf
+        self.ends_m, self.leaves_track = math.inf, False
         if actor.control != "path":
             super().__init__(actor, network)
             return
         half = actor.model.length_m / 2
         front = actor.x + half * math.cos(actor.heading_rad), actor.y + half * math.sin(actor.heading_rad)
         super().__init__(replace(actor, control="sumo", x=front[0], y=front[1], lane=""), network)
+        if actor.playback is not None:
+            self._follow_track(actor, actor.playback)
+            return
         self.follow(actor.path, actor.line, along_m=actor.along_m, speed_mps=actor.speed_mps, timing=actor.timing)
+
+    def _follow_track(self, actor: PlacedActor, playback: Playback) -> None:
+        """Follow the recorded track from the first frame on."""
+        guide = TrackActor(actor, playback, self._world, self._edge, self._friction)
+        self.guide = guide
+        self._group: PathGroup = TrackGroup((guide,), (0,), StateTable((guide,)), self._roads)
+        self._take_state(guide)
+
+    @property
+    def on_track(self) -> bool:
+        """Whether the vehicle follows its recorded track, also before the track's beginning and after its end."""
+        return isinstance(self.guide, TrackActor) and self.guide.follows
+
+    def join_from_track(self, kind: LaneKind) -> None:
+        """Find the way that the vehicle takes when it leaves its track here; there is none if its lanes are too far
+        away."""
+        edges = self.placed.route
+        with contextlib.suppress(RouteError):
+            self.route, self.way = joined_way(self._roads, edges, (self.x, self.y), kind)
+            self.ends_m = 0.0
 
     def follow(
         self, path: Points, way: RouteLine | None, *, along_m: float = 0.0, speed_mps: float, timing: float = 1.0
@@ -70,6 +101,7 @@ class GuidedVehicle(SumoVehicle):
             speed_mps=speed_mps,
             timing=timing,
             walk_stops=(),
+            playback=None,
         )
         before, self.guide = self.guide, PathActor(placed, self._world, self._edge, self._friction)
         if before is not None:
@@ -119,8 +151,20 @@ class GuidedVehicle(SumoVehicle):
                 heading = math.remainder(guide.heading + math.pi, math.tau)
                 self.move(guide.x, guide.y, heading, -guide.speed, -guide.acceleration, guide.yaw_rate)
             else:
-                self.move(guide.x, guide.y, guide.heading, guide.speed, guide.acceleration, guide.yaw_rate)
+                self._take_state(guide)
+            self.along = guide.along if guide.present else math.nan
+
+    def _take_state(self, guide: PathActor) -> None:
+        """Take over the state of the actor on the path; both are present or absent together."""
+        self.present = guide.present
+        if guide.present:
+            self.move(guide.x, guide.y, guide.heading, guide.speed, guide.acceleration, guide.yaw_rate)
             self.along = guide.along
+
+    def leave(self) -> None:
+        """Stop following a path or a track, because the vehicle leaves the world."""
+        if self.guide is not None:
+            self._group.drop(self.guide)
 
     def show(self) -> None:
         """Make the vehicle visible to those that SUMO drives, while it follows its path."""
@@ -152,7 +196,7 @@ class GuidedVehicle(SumoVehicle):
         guide.stand_in.hide()
         self.guide, self.along, self.lane, self.backs = None, math.nan, lane.id, False
         route = self.route[self.route.index(edge) :] if edge in self.route else self.route
-        self.placed = replace(self.placed, route=route, line=way, lane=lane.id)
+        self.placed = replace(self.placed, route=route, line=way, lane=lane.id, playback=None)
         return replace(self.placed, x=at_x, y=at_y, heading_rad=heading, speed_mps=guide.speed)
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from foresee_dsl.compile.bundle import PlacedActor, RecordedState
+from foresee_dsl.compile.placement.statements import PUSHED_MPS2
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
@@ -28,9 +29,6 @@ from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
-PUSHED_MPS2 = 2.0
-"""Acceleration and braking of an obstacle on a path, m/s^2; models of obstacles have no such values. Ours: a value for
-a cart that is pushed."""
 KERB_M = 0.5
 """Distance before the edge of a crossing at which a pedestrian waits, m. Ours: toes behind the kerb."""
 PASSES_M = 1.1

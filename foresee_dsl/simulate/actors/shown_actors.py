@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
@@ -26,9 +26,10 @@ class ShownActors:
     """
 
     def __init__(
-        self, ego: EgoVehicle, actors: Iterable[SimulatedActor], paths: PathGroup, progress: Progress, world: World
-    ) -> None:
-        """Select the actors to show from all actors; `paths`: the group of the actors that follow paths."""
+        self, ego: EgoVehicle, actors: Iterable[SimulatedActor], paths: Sequence[PathGroup], progress: Progress,
+        world: World,
+    ) -> None:  # fmt: skip
+        """Select the actors to show from all actors; `paths`: the groups of the actors that follow paths or tracks."""
         self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
         actors = list(actors)
         self.guided = [actor for actor in actors if isinstance(actor, GuidedVehicle)]
@@ -59,7 +60,8 @@ class ShownActors:
 
     def show_others(self) -> None:
         """Tell SUMO where all shown actors except the ego are."""
-        self.paths.show()
+        for group in self.paths:
+            group.show()
         for guided in self.guided:
             guided.show()
         for static in self._in_the_way:
@@ -73,7 +75,8 @@ class ShownActors:
         """Set the speeds of the shown actors again after a step: SUMO derives other speeds from how far they moved."""
         ego = self.ego
         self._world.settle(ego.id, ego.speed, ego.acceleration)
-        self.paths.settle()
+        for group in self.paths:
+            group.settle()
         for static in self._in_the_way:
             static.stand_in.settle()
         for guided in self.guided:

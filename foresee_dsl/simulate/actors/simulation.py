@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.compile.placement.statements import WHEELS
+from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.polyline import XY, distinct, whole_millimetres
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
@@ -23,6 +23,7 @@ from foresee_dsl.simulate.actors.roads import RoadLimits, SlipperyGround
 from foresee_dsl.simulate.actors.shown_actors import ShownActors
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
+from foresee_dsl.simulate.actors.track_followers import TrackActor, TrackGroup
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
@@ -57,8 +58,12 @@ class Simulation:
         self._held: set[str] = set()
         self.state_table = StateTable(self.actors)
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
-        on_foot = [actor for actor in self.actors if isinstance(actor, PathActor)]
-        self._paths = PathGroup(on_foot, [rows[actor.id] for actor in on_foot], self.state_table, self.network)
+        on_tracks = [actor for actor in self.actors if isinstance(actor, TrackActor)]
+        on_foot = [actor for actor in self.actors if isinstance(actor, PathActor) and actor not in on_tracks]
+        self._paths: tuple[PathGroup, TrackGroup] = (
+            PathGroup(on_foot, [rows[actor.id] for actor in on_foot], self.state_table, self.network),
+            TrackGroup(on_tracks, [rows[actor.id] for actor in on_tracks], self.state_table, self.network),
+        )
         self._shown_actors = ShownActors(self.ego, self.actors, self._paths, self.progress, world)
         self._traffic = SumoTraffic(
             vehicles,
@@ -91,7 +96,8 @@ class Simulation:
         self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
-        self._paths.move()
+        for group in self._paths:
+            group.move()
         for guided in self._shown_actors.guided:
             self._guide(guided)
         self._recover()
@@ -190,6 +196,16 @@ class Simulation:
             self.order_speed(actor, self.cruise_mps[actor.id])
         return tuple(path)
 
+    def leave_track(self, actor: SimulatedActor) -> None:
+        """Let a vehicle leave its recorded track as soon as it is there and near the lanes that it joins."""
+        if isinstance(actor, GuidedVehicle) and actor.on_track:
+            actor.leaves_track = True
+
+    @staticmethod
+    def on_track(actor: SimulatedActor) -> bool:
+        """Return whether an actor follows its recorded track, also before the track's beginning and after its end."""
+        return isinstance(actor, TrackActor) or (isinstance(actor, GuidedVehicle) and actor.on_track)
+
     def back_up(self, vehicle: GuidedVehicle, length_m: float) -> None:
         """Let a vehicle that stands on its lane reverse along it by `length_m`, and then drive on."""
         if vehicle.guide is None and vehicle.id in self.world:
@@ -201,8 +217,10 @@ class Simulation:
 
     def _guide(self, vehicle: GuidedVehicle) -> None:
         """Move a vehicle along its path; at the path's end hand it over to SUMO."""
-        if vehicle.guide is None or not vehicle.present:
+        if vehicle.guide is None or not (vehicle.present or vehicle.on_track):
             return
+        if vehicle.leaves_track and vehicle.present and vehicle.way is None:
+            vehicle.join_from_track(lane_kind(vehicle.placed.model))
         if not vehicle.joins_now:
             vehicle.step_on_path()
             return
@@ -224,10 +242,10 @@ class Simulation:
         if isinstance(actor, SumoVehicle):
             self.world.remove(actor.id)
             self._traffic.drop(actor.id)
-            if isinstance(actor, GuidedVehicle) and actor.guide is not None:
-                actor.guide.stand_in.hide()
+            if isinstance(actor, GuidedVehicle):
+                actor.leave()
         elif isinstance(actor, PathActor):
-            self._paths.drop(actor)
+            self._paths[isinstance(actor, TrackActor)].drop(actor)
         elif isinstance(actor, StaticActor):
             self._shown_actors.hide(actor)
 
@@ -279,7 +297,8 @@ class Simulation:
         if actor.joins or (actor.guided and wheels and actor.control in ("sumo", "path")):
             return GuidedVehicle(actor, self.world, self.network, edge, self.scene.friction)
         if actor.control == "path":
-            return PathActor(actor, self.world, edge, self.scene.friction)
+            how = self.world, edge, self.scene.friction
+            return PathActor(actor, *how) if actor.playback is None else TrackActor(actor, actor.playback, *how)
         if actor.door is not None:
             return OpenDoor(actor, actor.door, self.world, self.network, edge)
         if actor.control == "static":

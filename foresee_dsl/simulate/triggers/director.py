@@ -99,6 +99,20 @@ class Director:
             raise TypeError(
                 "a block of actions cannot be carried out as one action; `Sequence` carries out its actions"
             )
+        if isinstance(action, m.TurnsTo | m.Limit | m.Door | m.LeavesTrack):
+            return self._do_at_once(action)
+        action = self._settled(action)
+        actor = self._simulation.by_id.get(action.actor)
+        on_track = actor is not None and self._simulation.on_track(actor)
+        if not on_track:
+            self._orders.record(action, action.actor)
+        # An actor of the traffic may not have been placed, and only its track moves an actor that follows one.
+        if actor is None or not actor.present or (on_track and not isinstance(action, m.Leaves)):
+            return _at_once
+        complete = self._begin_action(actor, action)
+        return lambda: not actor.present or complete()
+
+    def _do_at_once(self, action: m.TurnsTo | m.Limit | m.Door | m.LeavesTrack) -> IsComplete:
         match action:
             case m.TurnsTo():
                 return self._turn(action)
@@ -106,13 +120,10 @@ class Director:
                 return self._limit(action)
             case m.Door():
                 return self._door(action)
-        action = self._settled(action)
-        self._orders.record(action, action.actor)
-        actor = self._simulation.by_id.get(action.actor)
-        if actor is None or not actor.present:  # an actor of the traffic may not have been placed
-            return _at_once
-        complete = self._begin_action(actor, action)
-        return lambda: not actor.present or complete()
+            case m.LeavesTrack():  # also before its track begins
+                return self._leave_track(action)
+            case _:
+                assert_never(action)
 
     def _begin_action(self, actor: SimulatedActor, action: m.Moves) -> IsComplete:
         match action:
@@ -148,6 +159,9 @@ class Director:
             placed = actor.placed
             if placed.control == "static":
                 continue
+            if placed.playback is not None:
+                self.event("track", {"name": placed.playback.track.name}, actor.id)
+                continue  # its clock follows its statements
             if placed.waits or placed.delay_s > 0:
                 self._simulation.order_speed(actor, 0.0)
             if not placed.waits and placed.delay_s > 0:
@@ -340,6 +354,12 @@ class Director:
         self.event("leaves", {}, actor.id)
         self._simulation.leave(actor)
         self._orders.end(actor)
+        return _at_once
+
+    def _leave_track(self, action: m.LeavesTrack) -> IsComplete:
+        self.event("leaves_track", {}, action.actor)
+        if (actor := self._simulation.by_id.get(action.actor)) is not None:
+            self._simulation.leave_track(actor)
         return _at_once
 
     def _keep_sideways(self, actor: SimulatedActor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:

@@ -135,6 +135,25 @@ class _Offset(BoundMeasure):
         return math.nan if lane is None else lane[1]
 
 
+class _Deviation(BoundMeasure):
+    """The measure `ego.deviation`: the distance from the place at which the actor's recorded track has it now."""
+
+    def __init__(self, measure: m.Measure, run: Conditions) -> None:
+        super().__init__(measure, run)
+        self.cost = Cost.NUMBER
+
+    def value(self) -> float:
+        actor = self.run.actor(self.name)
+        playback = None if actor is None else actor.placed.playback
+        if actor is None or playback is None:
+            return math.nan
+        now_s = playback.start_s + self.run.simulation.time_s
+        if not playback.track.covers(now_s):
+            return math.nan
+        x, y, *_ = playback.track.at(now_s)
+        return math.hypot(actor.x - x, actor.y - y)
+
+
 class _AlongTheWay(BoundMeasure):
     """The measures along an actor's way: `lateral(a, b)`, `overlap(a, b)`, `ttc_along(a, b)`,
     `relative_speed(a, b)`.
@@ -170,6 +189,8 @@ def measured(measure: m.Measure, run: Conditions) -> BoundMeasure:
             kind = _BetweenFootprints
         case "offset":
             kind = _Offset
+        case "deviation":
+            kind = _Deviation
         case "lateral" | "overlap" | "ttc_along" | "relative_speed":
             kind = _AlongTheWay
         case _:

@@ -149,7 +149,9 @@ class ActorOrders:
                 after = replace(now, speed=Order(action, time_s, until_s), keeps_mps=None, stands_s=None)
             case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises() | m.Reverses():
                 after = replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
-            case m.FollowsPath() | m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
+            case m.FollowsPath() | m.Leaves() | m.LeavesTrack():
+                after = now
+            case m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
                 after = now
             case _:
                 assert_never(action)
