@@ -127,7 +127,7 @@ def test_what_a_table_has_not_is_derived_and_said(tmp_path: Path) -> None:
         "1 actor has no headings: those of their motion are used.",
         "1 actor has no speeds: those of their positions are used.",
     )
-    assert "1 actors have an unknown class ('blimp'): they are cars." in recording.notes
+    assert "1 actor has an unknown class ('blimp'): cars are assumed." in recording.notes
 
 
 @pytest.mark.parametrize(

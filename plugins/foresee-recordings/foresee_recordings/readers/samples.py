@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
 from foresee_recordings.maps.roads_file import roads_of_file
-from foresee_recordings.readers.classes import Shape
+from foresee_recordings.readers.classes import Shape, have
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import FloatArray, RecordedMap, Recording, RecordingError, SignalTrack, Track
 from foresee_recordings.sources import digest, name_of
@@ -178,7 +178,7 @@ class Samples:
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
         for what, count in self._derived.items():
-            self.note(f"{count} {'actor has' if count == 1 else 'actors have'} {what}.")
+            self.note(f"{have(count)} {what}.")
         if self._request.map_file is not None:
             roads = roads_of_file(self._request.map_file, origin_m=origin_m)
         return Recording(
