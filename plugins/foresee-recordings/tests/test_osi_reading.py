@@ -117,10 +117,13 @@ def test_objects_and_signals_of_a_ground_truth(trace: Path) -> None:
     assert recording.left_out == {
         "samples of moving objects that are not road traffic": 5,
         "samples of stationary objects beside the road": 5,
-        "actors without headings, which are those of their motion": 1,
-        "actors without speeds, which are those of their positions": 1,
     }
-    assert recording.notes[0] == "The host vehicle is 7."
+    assert recording.notes == (
+        "The host vehicle is 7.",
+        "1 object has no size: that which is usual for the class is used.",
+        "1 actor has no headings: those of their motion are used.",
+        "1 actor has no speeds: those of their positions are used.",
+    )
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from foresee_dsl.compile.nets.safe_xml import children_of
+from foresee_recordings.readers import fcd_degrees
 from foresee_recordings.readers.classes import Shape, kind_of, shape_of, usual_shape
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
@@ -108,7 +109,21 @@ class FcdReader:
                 f"{counts}{', ...' if len(guesses) > _LISTED else ''}. Put the file with the vehicle types beside it "
                 "(NAME.rou.xml or NAME.add.xml)."
             )
-        return samples.recording("fcd", shapes, offset_m=lambda _, shape: (-shape.length_m / 2, 0.0))
+        zone = self._zone(request, samples)
+        recording = samples.recording("fcd", shapes, offset_m=lambda _, shape: (-shape.length_m / 2, 0.0))
+        return recording if zone is None else fcd_degrees.placed(recording, zone)
+
+    def _zone(self, request: Request, samples: Samples) -> fcd_degrees.Zone | None:
+        """Return the UTM zone into which positions in degrees were projected; None if they are in metres."""
+        place = samples.first_place()
+        if not (abs(place[0]) <= 180 and abs(place[1]) <= 90):
+            return None
+        if not fcd_degrees.is_in_degrees(request.path, samples.speed_ratio()):
+            return None
+        zone = fcd_degrees.zone_for(request.map_file, place)
+        samples.move(fcd_degrees.projection(zone))
+        samples.note(f"The positions are in degrees: they are projected to {zone.name}, m.")
+        return zone
 
 
 def _number(request: Request, text: str | None, what: str) -> float:

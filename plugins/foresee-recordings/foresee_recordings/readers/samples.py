@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
 from foresee_recordings.maps.roads_file import roads_of_file
-from foresee_recordings.readers.classes import Shape
+from foresee_recordings.readers.classes import Shape, have
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import FloatArray, RecordedMap, Recording, RecordingError, SignalTrack, Track
 from foresee_recordings.sources import digest, name_of
@@ -71,6 +71,7 @@ class Samples:
         self._room = self._limit
         self._first_s, self._last_s = math.inf, -math.inf
         self._steps, self._jumps = 0, 0
+        self._derived: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
         self.notes: dict[str, None] = {}
         self.heading_unit = 1.0
@@ -176,6 +177,8 @@ class Samples:
                 tracks.append(self._track(name, form, motion, offset))
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
+        for what, count in self._derived.items():
+            self.note(f"{have(count)} {what}.")
         if self._request.map_file is not None:
             roads = roads_of_file(self._request.map_file, origin_m=origin_m)
         return Recording(
@@ -239,6 +242,24 @@ class Samples:
         self.left_out["samples far away from those before and after them"] += len(outliers)
         return np.delete(rows, outliers, axis=0)
 
+    def speed_ratio(self) -> float | None:
+        """Return the median of the speeds of the positions in relation to the speeds that were added; None if too few
+        actors move."""
+        rows = (np.frombuffer(buffer, dtype=np.float64).reshape(-1, 5) for buffer in self._buffers.values())
+        return _speed_ratio(list(rows))
+
+    def move(self, change: Callable[[FloatArray], FloatArray]) -> None:
+        """Replace all places by others: `change` gets an actor's, [N, 2] m or degrees, and returns them in m."""
+        for actor in self._buffers:
+            rows = np.frombuffer(self._buffers[actor], dtype=np.float64).reshape(-1, 5).copy()
+            rows[:, 1:3] = change(rows[:, 1:3])
+            self._buffers[actor] = array("d", rows.ravel().tobytes())
+
+    def first_place(self) -> FloatArray:
+        """Return the place of the first sample, [2]; NaN without samples."""
+        buffer = next(iter(self._buffers.values()), None)
+        return np.full(2, math.nan) if buffer is None else np.array(buffer[1:3])
+
     def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
         """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
         if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
@@ -246,16 +267,9 @@ class Samples:
                 f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
                 "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
             )
-        ratios: list[FloatArray] = []
-        for rows in motions:
-            steps = np.diff(rows[:, :3], axis=0)
-            speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
-            moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS)
-            ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
-        checked = np.concatenate(ratios) if ratios else np.empty(0)
-        if len(checked) < _CHECKED_STEPS:
+        ratio = _speed_ratio(motions)
+        if ratio is None:
             return
-        ratio = float(np.median(checked))
         if not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
             raise RecordingError(
                 f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
@@ -276,11 +290,11 @@ class Samples:
             )
             absent[too_fast, 3] = True
         if absent[:, 2].any():
-            self.left_out["actors without headings, which are those of their motion"] += 1
+            self._derived["no headings: those of their motion are used"] += 1
             states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
         if absent[:, 3].any():
             if (absent[:, 3] & ~too_fast).any():
-                self.left_out["actors without speeds, which are those of their positions"] += 1
+                self._derived["no speeds: those of their positions are used"] += 1
             velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
             states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
         states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi
@@ -288,6 +302,18 @@ class Samples:
         states[:, 0] += ahead * c - left * s
         states[:, 1] += ahead * s + left * c
         return Track(name, form.kind, form.length_m, form.width_m, rows[:, 0].copy(), states, form.sized)
+
+
+def _speed_ratio(motions: list[FloatArray]) -> float | None:
+    """Return the median speed of the positions in relation to the recorded speeds; None for too few steps."""
+    ratios: list[FloatArray] = []
+    for rows in motions:
+        steps = np.diff(rows[:, :3], axis=0)
+        speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
+        moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS) & (steps[:, 0] > 0)
+        ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
+    checked = np.concatenate(ratios) if ratios else np.empty(0)
+    return float(np.median(checked)) if len(checked) >= _CHECKED_STEPS else None
 
 
 def _directions(rows: FloatArray) -> FloatArray:
