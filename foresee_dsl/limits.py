@@ -57,7 +57,8 @@ LIMITS = MappingProxyType(
             # The trace of a run of a minute with 40 actors has 3 MB of arrays; that of an hour with 20 actors has 100
             # MB.
             Limit("trace", 400, "MB", "unpacked size of a trace"),
-            # Ours: a recording of a data set has up to some million samples; reading this number takes MEASURED.
+            # Reading 9.5 million samples took 0.8 GB; a recording of the data sets that are read has some hundred
+            # thousand to some million.
             Limit("recording", 10_000_000, "samples", "samples that are kept of a recording; an actor counts as ten"),
             # Two texts of 2 MB with the same 280,000 lines in another order took 26 s and 170 MB.
             Limit("difference", 1, "MB", "size of a text that git-diff compares line by line"),

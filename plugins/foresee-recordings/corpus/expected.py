@@ -40,13 +40,65 @@ def interaction(file: Path) -> Iterator[Sample]:
 
 
 def fcd(file: Path) -> Iterator[Sample]:
-    """Yield the positions of SUMO's vehicles, which are those of their front, and of its pedestrians.
+    """Yield the centres of SUMO's vehicles and pedestrians: positions are those of their fronts.
 
-    SUMO's angle is in degrees, clockwise from north. The length of a vehicle is not in the file: the front is yielded.
+    SUMO's angle is in degrees, clockwise from north. Lengths are those of the types in the files beside it, otherwise
+    5 m, as those of SUMO's usual type.
     """
+    lengths = {}
+    for types in [*file.parent.glob("*.rou.xml"), *file.parent.glob("*.add.xml")]:
+        for type_ in parse(types).getroot().iter("vType"):
+            lengths[type_.get("id")] = float(type_.get("length", "5"))
     for step in parse(file).getroot().iter("timestep"):
         for actor in step:
-            yield actor.get("id"), float(step.get("time")), float(actor.get("x")), float(actor.get("y"))
+            half = lengths.get(actor.get("type"), 5.0) / 2
+            angle = math.radians(float(actor.get("angle")))
+            x, y = float(actor.get("x")) - half * math.sin(angle), float(actor.get("y")) - half * math.cos(angle)
+            yield actor.get("id"), float(step.get("time")), x, y
+
+
+def esmini(file: Path) -> Iterator[Sample]:
+    """Yield the centres of entities in an old log of esmini: positions are 1.4 m behind them, at the rear axle."""
+    rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
+    first = next(k for k, row in enumerate(rows) if row[0].startswith("Index"))
+    names = [name.strip() for name in rows[first]]
+    groups = [k for k, name in enumerate(names) if name.endswith("Entitity_Name [-]")]
+    width = groups[1] - groups[0]
+    x_, y_, turn_ = (names.index(f"#1 {name}") - groups[0] for name in (
+        "World_Position_X [-]", "World_Position_Y [-]", "World_Heading_Angle [rad]"))  # fmt: skip
+    for row in rows[first + 1 :]:
+        if len(row) < len(names) - 1:
+            continue
+        for k in groups:
+            part = row[k : k + width]
+            turn = float(part[turn_])
+            x, y = float(part[x_]) + 1.4 * math.cos(turn), float(part[y_]) + 1.4 * math.sin(turn)
+            yield part[0].strip(), float(row[1]), x, y
+
+
+def osi(file: Path) -> Iterator[Sample]:
+    """Yield the centres of moving objects: by osi-python's reader, or by the schema in an MCAP file."""
+    if file.suffix == ".osi":
+        from osi3trace.osi_trace import OSITrace
+
+        messages = OSITrace(str(file), "GroundTruth")
+    else:
+        from mcap.reader import make_reader
+        from mcap_protobuf.decoder import DecoderFactory
+
+        reader = make_reader(file.open("rb"), decoder_factories=[DecoderFactory()])
+        messages = (message for schema, *_, message in reader.iter_decoded_messages() if "GroundTruth" in schema.name)
+    for message in messages:
+        time_s = message.timestamp.seconds + message.timestamp.nanos / 1e9
+        for thing in message.moving_object:
+            yield str(thing.id.value), time_s, thing.base.position.x, thing.base.position.y
+
+
+def omega_table(file: Path) -> Iterator[Sample]:
+    """Yield the positions of omega-prime's table of moving objects."""
+    with file.open(newline="", encoding="utf-8") as text:
+        for row in csv.DictReader(text):
+            yield row["idx"], float(row["total_nanos"]) / 1e9, float(row["x"]), float(row["y"])
 
 
 def levelx(file: Path) -> Iterator[Sample]:
@@ -70,8 +122,11 @@ def argoverse(file: Path) -> Iterator[Sample]:
 EXPECTED: dict[str, Callable[[Path], Iterator[Sample]]] = {
     "argoverse": argoverse,
     "commonroad": commonroad,
+    "esmini": esmini,
     "fcd": fcd,
     "interaction": interaction,
     "levelx": levelx,
+    "osi": osi,
+    "table": omega_table,
 }
 """The function for each format, by the reader's name."""

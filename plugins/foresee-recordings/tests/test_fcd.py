@@ -109,7 +109,7 @@ def test_gzip_a_comment_before_the_root_and_elements_without_sizes(tmp_path: Pat
     ("text", "message"),
     [
         (fcd((0, vehicle("a", 1, 2)), (1, vehicle("a", "x", 2))), "could not convert string to float"),  # type: ignore[arg-type]
-        (fcd(*((k, vehicle("a", 13.0 + 1e-4 * k, 52)) for k in range(60))), "geographic coordinates"),
+        (fcd(*((k, vehicle("a", 13.0 + 0.1 * k, 52)) for k in range(60))), "geographic coordinates"),
         (fcd(*((k, vehicle("a", 5000 * k, 0)) for k in range(60))), "not in metres"),
         (HEAD + "<timestep time='nan'/></fcd-export>", "it has no samples"),
         (HEAD + "<timestep time='now'/></fcd-export>", "the time of a timestep is 'now', not a number"),
@@ -121,6 +121,41 @@ def test_gzip_a_comment_before_the_root_and_elements_without_sizes(tmp_path: Pat
 def test_what_cannot_be_read_is_an_error(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         reading(tmp_path, text)
+
+
+NET = '<net><location netOffset="-385000.00,-5819000.00" projParameter="{}"/></net>'
+
+
+@pytest.mark.parametrize("comment", ["", '<!-- generated on <fcd-output.geo value="true"/> -->'])
+def test_degrees_are_projected_into_the_zone_of_the_network(tmp_path: Path, comment: str) -> None:
+    """The place in zone 33 is that of pyproj 3.7.2."""
+    steps = [(k, vehicle("a", 13.3, 52.5 + 8.99e-5 * k, 0)) for k in range(60 if not comment else 5)]
+    text = comment + fcd(*steps)
+    free = reading(tmp_path, text)
+    assert free.tracks[0].states[0, :2] == pytest.approx([384603.151, 5818010.359 - 2.5], abs=0.01)
+    assert free.notes[-1] == "The positions are in degrees: they are projected to UTM zone 33 north, m."
+    assert np.hypot(*np.diff(free.tracks[0].states[:, :2], axis=0).T) == pytest.approx(10.0, abs=0.02)
+    net = tmp_path / "roads.net.xml"
+    net.write_text(NET.format("+proj=utm +zone=33 +ellps=WGS84"))
+    fitted = reading(tmp_path, text, map_file=net)
+    assert fitted.roads is not None and fitted.roads.offset == (-385000.0, -5819000.0)
+    net.write_text(NET.format("+proj=tmerc +lat_0=0"))
+    with pytest.raises(RecordingError, match=r"its projection is not UTM .*without --fcd-output.geo"):
+        reading(tmp_path, text, map_file=net)
+
+
+def test_a_small_network_in_metres_is_not_taken_for_degrees(tmp_path: Path) -> None:
+    steps = [(k, vehicle("a", 10 * k / 8, 3, speed=1.25)) for k in range(70)]
+    assert reading(tmp_path, fcd(*steps)).tracks[0].states[40, 0] == pytest.approx(50 - 2.5)
+
+
+def test_a_vehicle_and_a_person_may_have_one_name(tmp_path: Path) -> None:
+    person = '<person id="0" x="{}" y="0" angle="90" speed="1"/>'
+    steps = [(k, vehicle("0", 50 + 10 * k, 9) + person.format(k)) for k in range(4)]
+    tracks = reading(tmp_path, fcd(*steps)).tracks
+    assert [(track.id, track.kind, track.states[3, 1]) for track in tracks] == [
+        ("0", "car", 9.0), ("person_0", "pedestrian", 0.0),
+    ]  # fmt: skip
 
 
 def test_what_is_wrong_in_single_samples_is_counted(tmp_path: Path) -> None:

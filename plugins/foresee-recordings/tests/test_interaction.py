@@ -143,6 +143,46 @@ def test_a_map_in_utm_is_moved_and_the_offset_says_how_far(tmp_path: Path) -> No
     assert moved.offset == pytest.approx((far.offset[0] + x, far.offset[1] + y))
 
 
+def test_positions_of_level_x_are_moved_to_a_map_in_utm(tmp_path: Path) -> None:
+    text = MAP.read_text(encoding="utf-8").replace('lat="0.', 'lat="50.').replace('lon="0.', 'lon="6.')
+    (tmp_path / "place.osm").write_text(text, encoding="utf-8")
+    (begin_x, begin_y), *_ = read_lanelet2(tmp_path / "place.osm").lanes["210"].centre
+    tables = {
+        "recordingMeta": f"recordingId,frameRate,xUtmOrigin,yUtmOrigin\n1,10,{begin_x - 50:.2f},{begin_y - 20:.2f}\n",
+        "tracksMeta": "recordingId,trackId,width,length,class\n1,1,1.8,4.5,car\n",
+        "tracks": "recordingId,trackId,frame,xCenter,yCenter,heading,xVelocity,yVelocity\n"
+        + "".join(f"1,1,{k},{52 + k},20,0,10,0\n" for k in range(25)),
+    }
+    for name, table in tables.items():
+        (tmp_path / f"01_{name}.csv").write_text(table, encoding="utf-8")
+    recording = read(Request(tmp_path / "01_tracks.csv", map_file=tmp_path / "place.osm"))
+    assert recording.roads is not None
+    roads = network(recording.roads, tmp_path)
+    place = recording.track("1").states[0, :2] + recording.roads.offset
+    near = roads.nearest_lane(*place)
+    assert near is not None
+    assert (near.lane.edge, near.pos_m) == ("e210", pytest.approx(1.9, abs=0.1))  # 2 m behind the lane's beginning
+    assert abs(near.lateral_m) < 0.3  # UTM's north is turned at this place
+
+
+def test_a_map_without_lanes_for_vehicles_is_an_error(tmp_path: Path) -> None:
+    text = MAP.read_text(encoding="utf-8").replace('v="road"', 'v="walkway"')
+    file = tmp_path / "walkways.osm"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(RecordingError, match="the map has no road for vehicles"):
+        roads_of_file(file)
+
+
+def test_hostile_maps_are_errors(tmp_path: Path) -> None:
+    bomb, empty, folder = tmp_path / "bomb.osm", tmp_path / "empty.osm", tmp_path / "folder.osm"
+    bomb.write_text('<!DOCTYPE osm [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><osm>&b;</osm>', encoding="utf-8")
+    empty.touch()
+    folder.mkdir()
+    for file, message in ((bomb, "declares entities"), (empty, "cut off at line 1"), (folder, "directory")):
+        with pytest.raises(RecordingError, match=message):
+            roads_of_file(file)
+
+
 @pytest.mark.parametrize(
     ("latitude", "longitude", "place"),
     [  # computed with PROJ 9

@@ -135,9 +135,9 @@ def test_what_a_table_has_not_is_derived_and_said(tmp_path: Path) -> None:
     [
         ({"x_m": "X"}, {}, r"has no column 'X'; its columns are n, who, east, north"),
         ({"width": "n"}, {}, r"there is no column 'width'; our names are time_s, "),
-        ({"frame": "n"}, {}, r"no column that is called like our actor and x_m and y_m: name it, as in actor=NAME"),
-        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {}, "frames per second as rate_hz"),
-        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {"rate_hz": 0.0}, "as rate_hz, above 0"),
+        ({"frame": "n"}, {}, r"like our actor and x_m and y_m: name it with --columns actor=NAME"),
+        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {}, "--number rate_hz=25"),
+        ({"frame": "n", "actor": "who", "x_m": "east", "y_m": "north"}, {"rate_hz": 0.0}, "has frames and no times"),
     ],
 )
 def test_missing_columns_are_listed(
@@ -159,6 +159,16 @@ def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:
     }
     kmh = table(tmp_path, "t,id,x,y,heading,v_kmh\n" + "".join(steps))
     assert kmh.tracks[0].states[0, 3] == 10.0 and len(kmh.notes) == 2
+
+
+def test_numbers_that_are_far_too_large_are_counted(tmp_path: Path) -> None:
+    rows = [f"{k / 10},a,{k},0,0,{1e9 if k == 4 else 10}" for k in range(20)] + ["2,a,1e300,0,0,0", "1e200,a,0,0,0,0"]
+    recording = table(tmp_path, "t,id,x,y,heading,speed\n" + "\n".join(rows) + "\n")
+    assert recording.left_out == {
+        "samples with a place or time that is far too large": 2,
+        "speeds above 100 m/s, replaced by those of the positions": 1,
+    }
+    assert recording.tracks[0].states[4, 3] == pytest.approx(10.0)
 
 
 NEW_LOG = """esmini GIT REV: 1

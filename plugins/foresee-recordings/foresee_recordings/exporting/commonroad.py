@@ -1,6 +1,7 @@
 """Runs as CommonRoad scenarios (XML, version 2020a): lanelets, speed limits, and an obstacle for each actor.
 
-The file has no planning problem: the ego is the obstacle 1, in the motion of the run.
+The ego is the obstacle 1, in the motion of the run. The schema asks for a planning problem: it is the ego's, from its
+first state to its last place. A planner that solves it must leave obstacle 1 out.
 """
 
 from __future__ import annotations
@@ -62,6 +63,8 @@ def write(folder: Path, run: Run) -> None:
         "commonroad.xml",
         benchmark=f"ZAM_{''.join(re.findall('[A-Za-z0-9]+', run.name.title())) or 'Run'}-1_1_T-1",
         step=STEP_S,
+        ego=obstacles[0],
+        problem=len(obstacles) + len(lanelets) + len(signs) + 1,
         lanelets=lanelets,
         signs=signs,
         still=[obstacle for obstacle in obstacles if obstacle.is_still],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +17,8 @@ from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, YAW_RATE, Trace, X
 from foresee_recordings.exporting.runs import Run, lost_in_all
 from foresee_recordings.recording import Track
 
-_CLASSES: Mapping[str, str] = {
-    "truck": "truck_bus", "bus": "truck_bus", "pedestrian": "pedestrian", "bicycle": "bicycle",
-    "motorcycle": "motorcycle", "van": "van",
-}  # fmt: skip
-"""Words of the data sets for our kinds (truck_bus of inD; van and motorcycle of rounD); others are cars."""
+_KINDS = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
+"""Our kinds that are words of the data sets, those of rounD; others are cars."""
 _TRACKS = ("recordingId", "trackId", "frame", "trackLifetime", "xCenter", "yCenter", "heading", "width", "length",
            "xVelocity", "yVelocity", "xAcceleration", "yAcceleration", "lonVelocity", "latVelocity",
            "lonAcceleration", "latAcceleration")  # fmt: skip
@@ -38,7 +35,7 @@ def write(folder: Path, run: Run) -> None:
     _write(folder / f"{run.number:02d}_tracks.csv", _TRACKS, _rows(run))
     meta = [
         (run.number, k, frames[0], frames[-1], len(frames), f"{track.width_m:.3f}", f"{track.length_m:.3f}",
-         _CLASSES.get(track.kind, "car"), track.id)
+         track.kind if track.kind in _KINDS else "car", track.id)
         for k, track in enumerate(tracks)
         for frames in [_frames(track)]
     ]  # fmt: skip

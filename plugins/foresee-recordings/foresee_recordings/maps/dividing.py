@@ -160,6 +160,8 @@ def _beside(lane: Lane, other: Lane) -> bool:
 def _crossings(lanes: Mapping[str, Lane]) -> Iterator[tuple[tuple[str, str], tuple[float, float]]]:
     """Yield pairs of lanes that cross, with the shares of their lengths at which they do."""
     ids = [id_ for id_, lane in lanes.items() if lane.type != "shoulder"]
+    if not ids:
+        return
     lines = [shapely.LineString(lanes[id_].centre) for id_ in ids]
     for first, other in shapely.STRtree(lines).query(lines, predicate="crosses").T:
         if first >= other or _meet(lanes[ids[first]], lanes[ids[other]]):

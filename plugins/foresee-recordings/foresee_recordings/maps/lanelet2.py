@@ -83,18 +83,24 @@ class _File:
             except ValueError as err:
                 raise RecordingError(f"{path}: <{element.tag} id={id_!r}>: {err}") from err
 
+    @property
+    def in_utm(self) -> bool:
+        """Whether the positions are those of UTM: not local, and not measured from the place at (0, 0) degrees."""
+        degrees = (abs(value) for place in self.places.values() for value in place)
+        return len(self._local) < len(self.places) and max(degrees, default=0.0) >= _LOCAL_DEGREES
+
     def points(self) -> dict[str, tuple[float, float]]:
         """Return the positions of the nodes, m: the local ones if all nodes have them, otherwise projected ones."""
         if len(self._local) == len(self.places):
             return self._local
-        degrees = self.places.values()
-        if all(max(abs(latitude), abs(longitude)) < _LOCAL_DEGREES for latitude, longitude in degrees):
-            zone, (x, y) = zone_of(0.0), utm(0.0, 0.0, zone_of(0.0))
-        else:
-            zone, (x, y) = zone_of(next(iter(degrees))[1]), (0.0, 0.0)
-        southern = next(iter(degrees))[0] < 0 and not (x or y)
-        projected = {id_: utm(*place, zone, southern=southern) for id_, place in self.places.items()}
-        return {id_: (east - x, north - y) for id_, (east, north) in projected.items()}
+        if not self.in_utm:
+            zone = zone_of(0.0)
+            x, y = utm(0.0, 0.0, zone)
+            places = {id_: utm(*place, zone) for id_, place in self.places.items()}
+            return {id_: (east - x, north - y) for id_, (east, north) in places.items()}
+        latitude, longitude = next(iter(self.places.values()))
+        zone = zone_of(longitude)
+        return {id_: utm(*place, zone, southern=latitude < 0) for id_, place in self.places.items()}
 
     def _take_node(self, id_: str, element: Element) -> None:
         place = float(element.get("lat", "nan")), float(element.get("lon", "nan"))
@@ -132,7 +138,7 @@ def read_lanelet2(path: Path) -> LaneMap:
     if backward:
         notes.append(f"{len(backward)} lanes for both directions became two lanes each, one over the other")
     lanes = _linked([*oriented, *backward], points, rules, _ways_of(rules, file.tags))
-    return LaneMap({lane.id: lane for lane in lanes}, dict(left_out), tuple(notes))
+    return LaneMap({lane.id: lane for lane in lanes}, dict(left_out), tuple(notes), file.in_utm)
 
 
 def _lanelet(file: _File, relation: Element, left_out: Counter[str]) -> _Lanelet | None:

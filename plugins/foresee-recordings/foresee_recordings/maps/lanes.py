@@ -81,11 +81,15 @@ class Lane:
 
 @dataclass(frozen=True)
 class LaneMap:
-    """All lanes of a map, by id, in the map's order, and what of the map is left out, by description."""
+    """All lanes of a map, by id, in the map's order, and what of the map is left out, by description.
+
+    `in_utm` is True if the coordinates are eastings and northings of UTM, False if they are local.
+    """
 
     lanes: Mapping[str, Lane]
     left_out: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    in_utm: bool = False
 
 
 def without_repeats(points: FloatArray) -> FloatArray:

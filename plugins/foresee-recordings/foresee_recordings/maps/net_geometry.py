@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.templates import number, polyline
+from foresee_recordings.maps.conflicts import Stream
 from foresee_recordings.maps.junctions import Layout, Road, Way
 from foresee_recordings.maps.lanes import at_shares, without_repeats
 from foresee_recordings.recording import FloatArray
@@ -32,28 +33,32 @@ Points = Callable[[FloatArray], FloatArray]
 """Moves points of the map to the network."""
 
 
-def set_lines(root: Element, layout: Layout, move: Points) -> None:
-    """Write the lines of a layout into the net that netconvert made of it."""
+def set_lines(root: Element, layout: Layout, move: Points) -> list[Stream]:
+    """Write the lines of a layout into the net that netconvert made of it, and return the ways through junctions."""
     lanes = {lane.get("id", ""): lane for lane in root.iterfind("edge/lane")}
     ends: dict[tuple[str, int], FloatArray] = {}
     for road in layout.roads:
         ends |= _set_road(lanes, road, move)
     via = {_key(element): element.get("via", "") for element in root.iterfind("connection") if element.get("via")}
     bands: dict[int, list[shapely.Geometry]] = {}
-    to_end = {road.id: road.end for road in layout.roads}
+    roads = {road.id: road for road in layout.roads}
+    streams = []
     for way in layout.ways:
         line = without_repeats(_line(way, ends, move))
         chain = _chain(way, via)
         if len(line) < 2 or not all(id_ in lanes for id_ in chain) or not chain:
             continue
         _set_way([lanes[id_] for id_ in chain], line)
+        road = roads[way.start[0]]
+        streams.append(Stream(way, line, chain[-1], road.lanes[way.start[1]].way))
         width = max(_width(lanes[f"{edge}_{index}"]) for edge, index in (way.start, way.end))
         band = shapely.LineString(line).buffer(width / 2, cap_style="flat")
-        bands.setdefault(to_end[way.start[0]], []).append(band)
+        bands.setdefault(road.end, []).append(band)
     for junction in root.iterfind("junction"):
         own = bands.get(int(name)) if (name := junction.get("id", "").removeprefix("j")).isdigit() else None
         if own:
             junction.set("shape", polyline(_outline(own)))
+    return streams
 
 
 def _set_road(lanes: Mapping[str, Element], road: Road, move: Points) -> dict[tuple[str, int], FloatArray]:

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +18,12 @@ from foresee_dsl.compile.nets.netconvert import run_netconvert
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import environment
 from foresee_dsl.errors import CompileError
+from foresee_recordings.maps.conflicts import add_conflicts
 from foresee_recordings.maps.dividing import divide
 from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
 from foresee_recordings.maps.net_geometry import set_lines, simplified
+from foresee_recordings.maps.signals import SignalCycle, set_programs
 from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError, Track
 
 SPEED_MPS = 50 / 3.6
@@ -99,19 +102,26 @@ class _Frame:
         return self.speed_mps if lane.speed_mps is None else lane.speed_mps
 
 
-def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS, *, junctions: bool = True) -> RecordedMap:
+def network_of(
+    lane_map: LaneMap,
+    speed_mps: float = SPEED_MPS,
+    *,
+    junctions: bool = True,
+    cycles: Mapping[str, SignalCycle] = MappingProxyType({}),
+) -> RecordedMap:
     """Return the SUMO network of a map of lanes; equal maps give equal bytes.
 
     Args:
         speed_mps: speed limit of lanes without one.
         junctions: whether lanes that cross become a junction.
+        cycles: colours of the traffic lights, by their ids.
 
     Raises:
         RecordingError: netconvert refuses the map, or exceeds its limits.
     """
     layout = layout_of(divide(lane_map.lanes, junctions=junctions))
     if not layout.roads:
-        raise RecordingError("the map has no road: all of its lanes lie inside one junction")
+        raise RecordingError("the map has no road for vehicles")
     frame = _Frame(_offset(lane_map.lanes.values()), speed_mps)
     with tempfile.TemporaryDirectory(prefix="foresee-lanes-") as name:
         folder = Path(name)
@@ -121,11 +131,12 @@ def network_of(lane_map: LaneMap, speed_mps: float = SPEED_MPS, *, junctions: bo
         except CompileError as err:
             raise RecordingError(f"the map of lanes cannot be converted: {err}") from err
         net = parse_net(folder / "net.net.xml")
-        set_lines(net, layout, lambda line: line + frame.offset)
+        add_conflicts(net, set_lines(net, layout, lambda line: line + frame.offset))
+        signals = set_programs(net, _cycles_at(layout, cycles))
         write_net(net, folder / "net.net.xml")
         text = (folder / "net.net.xml").read_text(encoding="utf-8")
     x, y = (float(value) for value in frame.offset)
-    return RecordedMap(text, ".net.xml", (x, y), tuple(_notes(lane_map, layout, speed_mps)))
+    return RecordedMap(text, ".net.xml", (x, y), tuple(_notes(lane_map, layout, speed_mps, signals)))
 
 
 def usual_speed(tracks: Iterable[Track]) -> float:
@@ -214,11 +225,26 @@ def _connection(way: Way, frame: _Frame) -> _PlainConnection:
     return _PlainConnection(way.start, way.end, way.speed_mps if shape else None, shape)
 
 
-def _notes(lane_map: LaneMap, layout: Layout, speed_mps: float) -> Iterable[str]:
+def _cycles_at(layout: Layout, cycles: Mapping[str, SignalCycle]) -> dict[tuple[str, int], SignalCycle]:
+    """Return the cycles by the edge and the index of the lanes at whose ends they stand."""
+    return {
+        (road.id, index): cycles[lane.signal]
+        for road in layout.roads
+        for index, lane in enumerate(road.lanes)
+        if lane.signal in cycles
+    }
+
+
+def _notes(lane_map: LaneMap, layout: Layout, speed_mps: float, signals: int) -> Iterable[str]:
     yield from lane_map.notes
     for left_out in (lane_map.left_out, layout.left_out):
         for what, count in left_out.items():
             yield f"left out of the map: {count} {what}"
+    if signals:
+        yield f"{signals} signals repeat the recorded cycles; second 0 of a run is second 0 of the recording"
+    controlled = {road.end for road in layout.roads if any(lane.signal for lane in road.lanes)}
+    if len(controlled) > signals:
+        yield f"{len(controlled) - signals} signals have no recorded cycle: their programs are netconvert's"
     narrow = sum(_closed(lane) and lane.type != "shoulder" for road in layout.roads for lane in road.lanes)
     if narrow:
         yield f"{narrow} lanes are narrower than {NARROWEST_M:g} m and are closed to traffic"

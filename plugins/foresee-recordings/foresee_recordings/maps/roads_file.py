@@ -20,21 +20,24 @@ def roads_of_file(
     """Return the roads of a file.
 
     Args:
-        origin_m: the origin of the recording's positions in the map's coordinates, m: levelX's `xUtmOrigin` and
-            `yUtmOrigin` for a lanelet2 map in UTM.
+        origin_m: easting and northing of the recording's origin, m, for maps in UTM: levelX's `xUtmOrigin` and
+            `yUtmOrigin`.
         speed_mps: speed limit of lanes without one.
 
     Raises:
         RecordingError: it cannot be read, or is not a map.
     """
     if path.suffix == ".osm":
-        roads = network_of(read_lanelet2(path), speed_mps)
+        lane_map = read_lanelet2(path)
+        roads = network_of(lane_map, speed_mps)
+        if not lane_map.in_utm:
+            return roads
         return replace(roads, offset=(roads.offset[0] + origin_m[0], roads.offset[1] + origin_m[1]))
     suffix = next((suffix for suffix in _AS_THEY_ARE if path.name.endswith(suffix)), "")
     if not suffix:
         raise RecordingError(f"{path} is not a map: its name must end in {', '.join((*_AS_THEY_ARE, '.osm'))}")
     try:
-        return RecordedMap(read_outside_text(path), suffix, origin_m)
+        return RecordedMap(read_outside_text(path), suffix)
     except OSError as err:
         raise RecordingError(f"{path} cannot be read: {err.strerror or err}") from err
     except UnicodeDecodeError as err:

@@ -17,9 +17,10 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 from foresee_dsl.compile.nets.safe_xml import children_of, open_packed
 from foresee_recordings.maps.commonroad import Lanelets
 from foresee_recordings.maps.network import network_of, usual_speed
+from foresee_recordings.maps.signals import SignalCycle
 from foresee_recordings.readers.classes import Shape, kind_by_size
 from foresee_recordings.readers.commonroad_numbers import Footprint, State, footprint_of, state_of
-from foresee_recordings.readers.commonroad_signals import TrafficLight, signal_tracks
+from foresee_recordings.readers.commonroad_signals import cycle_of, signal_tracks
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import RecordedMap, Recording, RecordingError
@@ -82,7 +83,7 @@ class _Scenario:
         self.lanelets = Lanelets()
         self._request, self._step_s = request, step_s
         self._samples = Samples(request)
-        self._lights: list[TrafficLight] = []
+        self._cycles: dict[str, SignalCycle] = {}
         self._footprints: dict[str, Footprint] = {}
         self._shapes: dict[str, Shape] = {}
         self._static: dict[str, State] = {}
@@ -97,7 +98,9 @@ class _Scenario:
         if element.tag in _OBSTACLES:
             self._take_obstacle(element)
         elif element.tag == "trafficLight":
-            self._lights.append(TrafficLight.of(element))
+            cycle = cycle_of(element, self._step_s)
+            if cycle is not None:
+                self._cycles[element.get("id", "")] = cycle
         elif element.tag in _LEFT_OUT:
             self._samples.left_out[_LEFT_OUT[element.tag]] += 1
         else:
@@ -114,14 +117,13 @@ class _Scenario:
         tracks = self._samples.recording(
             "commonroad", self._shapes, offset_m=lambda actor, _: self._footprints[actor].centre
         )
-        signals = signal_tracks(
-            self._lights, self.lanelets.stop_lines(), self._step_s, (tracks.begins_s, tracks.ends_s)
-        )
+        places = self.lanelets.stop_lines()
+        signals = signal_tracks(self._cycles, places, tracks.begins_s, tracks.ends_s)
         return replace(tracks, signals=signals, roads=tracks.roads or self._roads(tracks))
 
     def _roads(self, recording: Recording) -> RecordedMap | None:
         lanes = self.lanelets.lane_map()
-        return network_of(lanes, usual_speed(recording.tracks)) if lanes.lanes else None
+        return network_of(lanes, usual_speed(recording.tracks), cycles=self._cycles) if lanes.lanes else None
 
     def _take_obstacle(self, element: Element) -> None:
         id_ = element.get("id", "")

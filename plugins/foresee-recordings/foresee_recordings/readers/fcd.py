@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from foresee_dsl.compile.nets.safe_xml import children_of
+from foresee_recordings.readers import fcd_degrees
 from foresee_recordings.readers.classes import Shape, kind_of, shape_of, usual_shape
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
@@ -68,20 +69,23 @@ class FcdReader:
         """
         samples = Samples(request)
         types: dict[str, str] = {}
+        tags: dict[str, str] = {}
         for timestep in children_of(request.path, "fcd-export", "SUMO's FCD output", RecordingError, limit=None):
             time_s = _number(request, timestep.get("time"), "the time of a timestep")
             if samples.is_over(time_s):
                 samples.wants("", time_s)
                 break
             for element in timestep:
-                actor = element.get("id", "")
                 if element.tag not in _DEFAULT_TYPE:
                     samples.left_out["elements other than vehicles and persons"] += 1
-                elif (
-                    samples.wants(actor, time_s)
-                    and _add(request, samples, actor, time_s, element.attrib)
-                    and actor not in types
-                ):
+                    continue
+                id_ = element.get("id", "")
+                # Vehicles and persons have names of their own: both may have a `0`.
+                actor = id_ if tags.get(id_, element.tag) == element.tag else f"{element.tag}_{id_}"
+                if not samples.wants(actor, time_s) or not _add(request, samples, actor, time_s, element.attrib):
+                    continue
+                if actor not in types:
+                    tags.setdefault(id_, element.tag)
                     types[actor] = element.get("type") or _DEFAULT_TYPE[element.tag]
         return self._recording(request, samples, types)
 
@@ -105,7 +109,21 @@ class FcdReader:
                 f"{counts}{', ...' if len(guesses) > _LISTED else ''}. Put the file with the vehicle types beside it "
                 "(NAME.rou.xml or NAME.add.xml)."
             )
-        return samples.recording("fcd", shapes, offset_m=lambda _, shape: (-shape.length_m / 2, 0.0))
+        zone = self._zone(request, samples)
+        recording = samples.recording("fcd", shapes, offset_m=lambda _, shape: (-shape.length_m / 2, 0.0))
+        return recording if zone is None else fcd_degrees.placed(recording, zone)
+
+    def _zone(self, request: Request, samples: Samples) -> fcd_degrees.Zone | None:
+        """Return the UTM zone into which positions in degrees were projected; None if they are in metres."""
+        place = samples.first_place()
+        if not (abs(place[0]) <= 180 and abs(place[1]) <= 90):
+            return None
+        if not fcd_degrees.is_in_degrees(request.path, samples.speed_ratio()):
+            return None
+        zone = fcd_degrees.zone_for(request.map_file, place)
+        samples.move(fcd_degrees.projection(zone))
+        samples.note(f"The positions are in degrees: they are projected to {zone.name}, m.")
+        return zone
 
 
 def _number(request: Request, text: str | None, what: str) -> float:

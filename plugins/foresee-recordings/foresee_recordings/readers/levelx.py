@@ -38,7 +38,7 @@ class LevelXReader:
     def read(self, request: Request) -> Recording:
         """Read a recording; of a folder with several, the one of `request.numbers["recording"]`."""
         tracks = _tracks_file(request)
-        rate_hz = _frame_rate(_beside(tracks, "recordingMeta"))
+        rate_hz, origin_m = _recording_meta(_beside(tracks, "recordingMeta"))
         samples = Samples(request)
         shapes, directions = _shapes(_beside(tracks, "tracksMeta"), samples)
         with table(tracks) as rows:
@@ -52,7 +52,7 @@ class LevelXReader:
                 except ValueError as err:
                     raise rows.error(f"a value is not a number ({err})") from None
         samples.check_shapes(shapes, "tracksMeta")
-        return samples.recording("levelx", shapes, source=tracks)
+        return samples.recording("levelx", shapes, source=tracks, origin_m=origin_m)
 
 
 def _tables_in(folder: Path) -> list[Path]:
@@ -81,11 +81,12 @@ def _tracks_file(request: Request) -> Path:
         files = [file for file in files if file.name.partition("_")[0].lstrip("0") == f"{wanted:g}".lstrip("0")]
     if len(files) != 1:
         names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
-        raise RecordingError(f"{path}: name one of its tables of tracks ({names})")
+        raise RecordingError(f"{path}: name one of its tables of tracks ({names}), or write --number recording=7")
     return files[0]
 
 
-def _frame_rate(file: Path) -> float:
+def _recording_meta(file: Path) -> tuple[float, tuple[float, float]]:
+    """Return the frames per second, and the origin of the positions in UTM, m (highD has none: 0)."""
     with table(file) as rows:
         column = rows.index("frameRate")
         row = next(rows.rows, None)
@@ -94,7 +95,12 @@ def _frame_rate(file: Path) -> float:
         rate_hz = number(row[column]) if row[column].strip().replace(".", "").isdigit() else math.nan
         if not 0 < rate_hz < math.inf:
             raise rows.error(f"frameRate is {row[column][:40]!r}, not a number above 0")
-        return rate_hz
+        names = [name for name in ("xUtmOrigin", "yUtmOrigin") if name in rows.columns]
+        try:
+            origin = [number(row[rows.index(name)]) for name in names]
+        except ValueError as err:
+            raise rows.error(f"a value is not a number ({err})") from None
+        return rate_hz, ((origin[0], origin[1]) if len(origin) == 2 and all(map(math.isfinite, origin)) else (0.0, 0.0))
 
 
 def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float]]:
@@ -125,10 +131,11 @@ def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, f
 
 def _centres(rows: Table) -> Callable[[Sequence[str]], Sample]:
     """Return what makes a sample (x, y, heading, speed) of a row of inD, rounD, exiD or uniD."""
-    x, y, heading, vx, vy = rows.indices("xCenter", "yCenter", "heading", "xVelocity", "yVelocity")
+    x, y, heading = rows.indices("xCenter", "yCenter", "heading")
+    vx, vy = (rows.index(name) if name in rows.columns else None for name in ("xVelocity", "yVelocity"))
 
     def sample(row: Sequence[str]) -> Sample:
-        speed = math.hypot(number(row[vx]), number(row[vy]))
+        speed = math.nan if vx is None or vy is None else math.hypot(number(row[vx]), number(row[vy]))
         return number(row[x]), number(row[y]), math.radians(number(row[heading])), speed
 
     return sample

@@ -34,8 +34,9 @@ FASTEST_MPS = 100.0
 """Two samples that are farther apart than this speed allows are a jump, m/s. Ours: 360 km/h."""
 JUMP_M = 5.0
 """Shorter displacements are never jumps, m. Ours: at 25 Hz a noise of 4 m would already be 100 m/s."""
-_JUMPING_SHARE = 0.2
-"""Share of steps that are jumps from which on the unit of the positions or times must be wrong. Ours."""
+_JUMPING_SHARE, _JUMPS = 0.2, 5
+"""Share of steps that are jumps from which on the unit of the positions or times must be wrong, and the number of jumps
+that this needs. Ours."""
 _MOVING_MPS, _STEP_M = 1.0, 0.05
 """Speed from which on the unit of speeds is checked, m/s, and the displacement that shows a direction of motion, m.
 Ours: more than the noise of recorded positions (data sets state some centimetres)."""
@@ -44,6 +45,8 @@ _UNIT_FACTOR, _DOUBTFUL_FACTOR = 5.0, 1.5
 km/h differ by 3.6 and are noted, milliseconds, degrees and pixels differ by more."""
 _CHECKED_STEPS = 50
 """Number of moving steps that the check of units needs. Ours."""
+_LARGEST_M, _LATEST_S = 1e8, 1e11
+"""Places and times beyond these are damaged, m and s. Ours: UTM's northings reach 1e7 m, and 1e11 s are 3,000 years."""
 _SAME_M = 0.01
 """Two samples at one time that are nearer than this are the same, m. Ours: the last digit of most files."""
 _ROUNDING_S = 1e-6
@@ -101,8 +104,10 @@ class Samples:
         Raises:
             RecordingError: there are more samples than the limit `recording` allows.
         """
-        if not math.isfinite(time_s + x + y):
-            self.left_out["samples with a number that is not finite"] += 1
+        if not (-_LARGEST_M < x < _LARGEST_M and -_LARGEST_M < y < _LARGEST_M and -_LATEST_S < time_s < _LATEST_S):
+            finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(time_s)
+            what = "a place or time that is far too large" if finite else "a number that is not finite"
+            self.left_out[f"samples with {what}"] += 1
             return False
         buffer = self._buffers.get(actor)
         if buffer is None:
@@ -143,6 +148,7 @@ class Samples:
         source: Path | None = None,
         signals: tuple[SignalTrack, ...] = (),
         roads: RecordedMap | None = None,
+        origin_m: tuple[float, float] = (0.0, 0.0),
     ) -> Recording:
         """Return the recording, and release the samples.
 
@@ -151,6 +157,7 @@ class Samples:
             offset_m: the footprint's centre seen from a sample's position, ahead and left, m; None: the same place.
             source: the file that was read, if the request names a folder.
             roads: the map in or beside the file; a map of the request is used instead.
+            origin_m: the origin of the positions in UTM, m, if the file has it.
 
         Raises:
             RecordingError: no sample is left, or the positions, times or speeds are in another unit.
@@ -170,7 +177,7 @@ class Samples:
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
         if self._request.map_file is not None:
-            roads = roads_of_file(self._request.map_file)
+            roads = roads_of_file(self._request.map_file, origin_m=origin_m)
         return Recording(
             name_of(path), path, digest(path), format_, tuple(tracks), signals, roads, +self.left_out, tuple(self.notes)
         )
@@ -179,10 +186,12 @@ class Samples:
         """Return why no track is left."""
         if self._last_s < self._first_s:
             return "it has no samples"
-        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
-        wanted = f"from {self._request.begins_s:g} s to {self._request.ends_s:g} s"
         actors = f" of {', '.join(sorted(self._actors)[:5])}" if self._actors else ""
-        return f"no actor{actors} has two usable samples {wanted}; {times}"
+        first_s, last_s = max(self._request.begins_s, self._first_s), min(self._request.ends_s, self._last_s)
+        times = f"its samples are from {self._first_s:g} s to {self._last_s:g} s"
+        if first_s > last_s:
+            return f"it has no samples in the seconds that are requested; {times}"
+        return f"no actor{actors} has two usable samples from {first_s:g} s to {last_s:g} s; {times}"
 
     def _motions(self, actor: str) -> Iterator[FloatArray]:
         """Yield the parts of an actor's motion without gaps and jumps, each [N, 5]: time, x, y, heading, speed."""
@@ -230,23 +239,34 @@ class Samples:
         self.left_out["samples far away from those before and after them"] += len(outliers)
         return np.delete(rows, outliers, axis=0)
 
+    def speed_ratio(self) -> float | None:
+        """Return the median of the speeds of the positions in relation to the speeds that were added; None if too few
+        actors move."""
+        rows = (np.frombuffer(buffer, dtype=np.float64).reshape(-1, 5) for buffer in self._buffers.values())
+        return _speed_ratio(list(rows))
+
+    def move(self, change: Callable[[FloatArray], FloatArray]) -> None:
+        """Replace all places by others: `change` gets an actor's, [N, 2] m or degrees, and returns them in m."""
+        for actor in self._buffers:
+            rows = np.frombuffer(self._buffers[actor], dtype=np.float64).reshape(-1, 5).copy()
+            rows[:, 1:3] = change(rows[:, 1:3])
+            self._buffers[actor] = array("d", rows.ravel().tobytes())
+
+    def first_place(self) -> FloatArray:
+        """Return the place of the first sample, [2]; NaN without samples."""
+        buffer = next(iter(self._buffers.values()), None)
+        return np.full(2, math.nan) if buffer is None else np.array(buffer[1:3])
+
     def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
         """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
-        if self._jumps > _JUMPING_SHARE * self._steps:
+        if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
             raise RecordingError(
                 f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
                 "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
             )
-        ratios: list[FloatArray] = []
-        for rows in motions:
-            steps = np.diff(rows[:, :3], axis=0)
-            speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
-            moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS)
-            ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
-        checked = np.concatenate(ratios) if ratios else np.empty(0)
-        if len(checked) < _CHECKED_STEPS:
+        ratio = _speed_ratio(motions)
+        if ratio is None:
             return
-        ratio = float(np.median(checked))
         if not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
             raise RecordingError(
                 f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
@@ -260,11 +280,18 @@ class Samples:
         states = rows[:, 1:].copy()
         states[:, 2] *= self.heading_unit
         absent = ~np.isfinite(states)
+        too_fast = np.abs(states[:, 3]) > FASTEST_MPS
+        if too_fast.any():
+            self.left_out[f"speeds above {FASTEST_MPS:g} m/s, replaced by those of the positions"] += int(
+                too_fast.sum()
+            )
+            absent[too_fast, 3] = True
         if absent[:, 2].any():
             self.left_out["actors without headings, which are those of their motion"] += 1
             states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
         if absent[:, 3].any():
-            self.left_out["actors without speeds, which are those of their positions"] += 1
+            if (absent[:, 3] & ~too_fast).any():
+                self.left_out["actors without speeds, which are those of their positions"] += 1
             velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
             states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
         states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi
@@ -272,6 +299,18 @@ class Samples:
         states[:, 0] += ahead * c - left * s
         states[:, 1] += ahead * s + left * c
         return Track(name, form.kind, form.length_m, form.width_m, rows[:, 0].copy(), states, form.sized)
+
+
+def _speed_ratio(motions: list[FloatArray]) -> float | None:
+    """Return the median speed of the positions in relation to the recorded speeds; None for too few steps."""
+    ratios: list[FloatArray] = []
+    for rows in motions:
+        steps = np.diff(rows[:, :3], axis=0)
+        speeds = (rows[1:, 4] + rows[:-1, 4]) / 2
+        moving = np.isfinite(speeds) & (np.abs(speeds) > _MOVING_MPS) & (steps[:, 0] > 0)
+        ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
+    checked = np.concatenate(ratios) if ratios else np.empty(0)
+    return float(np.median(checked)) if len(checked) >= _CHECKED_STEPS else None
 
 
 def _directions(rows: FloatArray) -> FloatArray:

@@ -111,8 +111,8 @@ def _columns(rows: Table, named: Mapping[str, str]) -> dict[str, int]:
         missing.insert(0, "time_s")
     if missing:
         raise RecordingError(
-            f"{rows.path} has no column that is called like our {' and '.join(missing)}: name it, as in "
-            f"{missing[0]}=NAME; its columns are {listed(rows.columns)}"
+            f"{rows.path} has no column that is called like our {' and '.join(missing)}: name it with --columns "
+            f"{missing[0]}=NAME,...; its columns are {listed(rows.columns)}"
         )
     return columns
 
@@ -123,7 +123,9 @@ def _time(rows: Table, columns: Mapping[str, int], request: Request) -> Callable
     name = next((ours for ours in _PER_S if ours in columns), "frame")
     if "frame" in columns and (name == "frame" or "frame" in request.columns):
         if rate_hz is None or not 0 < rate_hz < math.inf:
-            raise RecordingError(f"{rows.path} has frames and no times: give the frames per second as rate_hz, above 0")
+            raise RecordingError(
+                f"{rows.path} has frames and no times: give the frames per second, --number rate_hz=25"
+            )
         name, unit_s = "frame", 1 / rate_hz
     else:
         unit_s = _PER_S[name]
