@@ -87,23 +87,42 @@ def test_mistakes_of_a_map_are_counted(tmp_path: Path) -> None:
     lanes = lane_map(
         lane("a", (0, 0), (50, 0), successors=("b", "nowhere")),
         lane("b", (100, 0), (150, 0)),  # begins 50 m behind the end of the lane before
-        lane("c", (0, 10), (50, 10), width_m=1.0),
+        lane("c", (0, 10), (50, 10), width_m=0.8),
+        lane("d", (0, 20), (50, 20), width_m=1.2),
     )
     roads = network_of(lanes)
     assert roads.notes == (
         "left out of the map: 1 relations of lanes to lanes that begin elsewhere",
-        "1 lanes are narrower than 1.5 m and are closed to traffic",
-        "3 of 3 lanes have no speed limit: 50 km/h is assumed for them",
+        "2 lanes are narrower than 1.5 m: they are for bicycles only, or closed if they are narrower than 0.9 m",
+        "4 of 4 lanes have no speed limit: 50 km/h is assumed for them",
     )
     net = network(roads, tmp_path)
     assert not net.movements
     assert net.edges["ec"].lanes[0].strip
     assert not net.edges["ec"].lanes[0].kinds
+    assert net.edges["ed"].lanes[0].kinds == {"bicycle"}
 
 
 def test_a_map_of_crossing_lanes_only_still_has_roads() -> None:
     roads = network_of(lane_map(lane("a", (-5, 0), (5, 0)), lane("b", (0, -5), (0, 5))))
     assert roads.text.count('<edge id="e') == 4  # a stub before and behind the crossing of each lane
+
+
+def test_edges_have_different_names() -> None:
+    roads = network_of(lane_map(*(lane(id_, (0, 10 * k), (50, 10 * k)) for k, id_ in enumerate(("1-2", "1_2", "1.2")))))
+    assert all(f'<edge id="{name}"' in roads.text for name in ("e1_2", "e1_2_2", "e1_2_3"))
+
+
+def test_lanes_without_a_length_are_left_out() -> None:
+    roads = network_of(lane_map(lane("a", (0, 0), (50, 0), successors=("b",)), lane("b", (50, 0), (50.01, 0))))
+    assert roads.notes[0] == "left out of the map: 1 lanes without a length"
+
+
+def test_a_lattice_of_lanes_is_refused() -> None:
+    across = (lane(f"a{k}", (0, 5 * k), (2000, 5 * k)) for k in range(330))
+    along = (lane(f"b{k}", (5 * k + 1, -50), (5 * k + 1, 2000)) for k in range(330))
+    with pytest.raises(RecordingError, match="more than 100,000 pairs of lanes that cross"):
+        network_of(lane_map(*across, *along))
 
 
 def test_a_map_far_from_the_origin_is_moved() -> None:

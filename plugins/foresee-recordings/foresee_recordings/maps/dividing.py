@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from foresee_recordings.maps.lanes import Lane
+from foresee_recordings.recording import RecordingError
 
 _ENDS_M = 1.0
 """Lines that meet within this distance of an end of one of them do not cross, m. Ours: lanes that join or separate meet
@@ -29,6 +30,12 @@ end together in SUMO."""
 _APART_M = 5.0
 """Farthest distance from the end of a lane to the beginning of the next, m. Ours: a wide lane's width; the maps of
 OSC_Overtake and DEU_Muc-3 have relations over 45 m and back."""
+
+_LEAST_M = 0.05
+"""Least length of a lane, m. Ours: SUMO's lanes are at least 0.1 m long."""
+_MOST_CROSSINGS, _AT_ONCE = 100_000, 100
+"""Largest number of pairs of lanes that cross, and the number of lanes that are searched at once. Ours: a map of a town
+has some thousand pairs; a lattice of lanes in a file of 100 MB would have 1e8."""
 
 Group = tuple[str, ...]
 """Ids of adjacent lanes in one direction, from the right."""
@@ -95,6 +102,10 @@ def divide(lanes: Mapping[str, Lane], *, junctions: bool = True) -> Divided:
 
 def _linked(lanes: Mapping[str, Lane], left_out: Counter[str]) -> dict[str, Lane]:
     """Return lanes whose relations name existing lanes only, and are the same from both sides."""
+    short = {id_ for id_, lane in lanes.items() if lane.length_m < _LEAST_M}
+    if short:
+        left_out["lanes without a length"] += len(short)
+        lanes = {id_: lane for id_, lane in lanes.items() if id_ not in short}
     onward: dict[str, dict[str, None]] = {id_: {} for id_ in lanes}
     for id_, lane in lanes.items():
         onward[id_].update(dict.fromkeys(other for other in lane.successors if other in lanes))
@@ -163,8 +174,8 @@ def _crossings(lanes: Mapping[str, Lane]) -> Iterator[tuple[tuple[str, str], tup
     if not ids:
         return
     lines = [shapely.LineString(lanes[id_].centre) for id_ in ids]
-    for first, other in shapely.STRtree(lines).query(lines, predicate="crosses").T:
-        if first >= other or _meet(lanes[ids[first]], lanes[ids[other]]):
+    for first, other in _pairs(lines):
+        if _meet(lanes[ids[first]], lanes[ids[other]]):
             continue
         line, other_line = lines[first], lines[other]
         for point in shapely.get_parts(shapely.intersection(line, other_line)):
@@ -173,6 +184,22 @@ def _crossings(lanes: Mapping[str, Lane]) -> Iterator[tuple[tuple[str, str], tup
             s, other_s = line.project(point), other_line.project(point)
             if _ENDS_M < s < line.length - _ENDS_M and _ENDS_M < other_s < other_line.length - _ENDS_M:
                 yield (ids[first], ids[other]), (s / line.length, other_s / other_line.length)
+
+
+def _pairs(lines: Sequence[shapely.LineString]) -> list[tuple[int, int]]:
+    """Return the indices of lines that cross, the smaller one first.
+
+    Raises:
+        RecordingError: there are more than any real map has.
+    """
+    tree = shapely.STRtree(lines)
+    pairs: list[tuple[int, int]] = []
+    for begin in range(0, len(lines), _AT_ONCE):
+        crossing = tree.query(lines[begin : begin + _AT_ONCE], predicate="crosses").T.tolist()
+        pairs += [(begin + first, other) for first, other in crossing if begin + first < other]
+        if len(pairs) > _MOST_CROSSINGS:
+            raise RecordingError(f"the map has more than {_MOST_CROSSINGS:,} pairs of lanes that cross: cut out a part")
+    return pairs
 
 
 def _meet(lane: Lane, other: Lane) -> bool:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import count, islice
 
 import numpy as np
 
 from foresee_recordings.maps.dividing import Divided, Group, halves
 from foresee_recordings.maps.lanes import Lane, without_repeats
-from foresee_recordings.recording import FloatArray
+from foresee_recordings.recording import FloatArray, RecordingError
 
 _SHORT_M = 40.0
 """A road of at most this length that begins and ends at one junction lies inside it, m. Ours: turns for vehicles on the
@@ -19,6 +20,8 @@ _LONGEST_M = 500.0
 """Longest way through a junction, m. Ours: once around a large roundabout."""
 _MOST_WAYS = 200
 """Largest number of ways from one lane through a junction. Ours: against maps whose lanes form a lattice."""
+_MOST_IN_ALL = 100_000
+"""Largest number of ways through junctions. Ours: a map of a town has some thousand."""
 
 
 @dataclass(frozen=True)
@@ -81,14 +84,18 @@ def layout_of(divided: Divided) -> Layout:
     divided = _without_loops(divided)
     joints = _joints(divided)
     numbers: dict[tuple[str, str], int] = {}
-    roads, at_lane = [], {}
+    roads: list[Road] = []
+    at_lane: dict[str, tuple[str, int]] = {}
+    names: set[str] = set()
     for group in divided.roads:
         ends = [numbers.setdefault(joints.root((group[0], end)), len(numbers)) for end in ("start", "end")]
-        road = Road(edge_id(group[0]), tuple(_with_rules(divided, id_) for id_ in group), *ends)
+        road = Road(_edge_id(group[0], names), tuple(_with_rules(divided, id_) for id_ in group), *ends)
         roads.append(road)
         at_lane.update({id_: (road.id, index) for index, id_ in enumerate(group)})
     left_out = Counter(divided.left_out)
-    ways = list(_ways(divided, at_lane, left_out))
+    ways = list(islice(_ways(divided, at_lane, left_out), _MOST_IN_ALL + 1))
+    if len(ways) > _MOST_IN_ALL:
+        raise RecordingError(f"the map has more than {_MOST_IN_ALL:,} ways through junctions: cut out a part")
     used = {id_ for way in ways for id_ in way.lanes}
     unused = {divided.source.get(id_, id_) for id_ in divided.inside - used}
     if unused:
@@ -106,9 +113,12 @@ def _with_rules(divided: Divided, id_: str) -> Lane:
     return replace(lane, way=way, signal=signal)
 
 
-def edge_id(lane: str) -> str:
-    """Return the id of the edge whose rightmost lane has an id of the map."""
-    return "e" + "".join(character if character.isalnum() else "_" for character in lane)
+def _edge_id(lane: str, names: set[str]) -> str:
+    """Return the id of the edge whose rightmost lane has an id of the map, and add it to the names of the others."""
+    name = "e" + "".join(character if character.isascii() and character.isalnum() else "_" for character in lane)
+    free = next(id_ for k in count() if (id_ := f"{name}_{k + 1}" if k else name) not in names)
+    names.add(free)
+    return free
 
 
 def _joints(divided: Divided) -> _Joints:
@@ -167,16 +177,16 @@ def _paths(
     lanes: Mapping[str, Lane], id_: str, at_lane: Mapping[str, tuple[str, int]], left_out: Counter[str]
 ) -> Iterator[tuple[str, ...]]:
     """Yield the paths from a road's lane through lanes inside junctions to a road's lane, which ends each path."""
-    count = 0
+    complete = 0
     waiting: list[tuple[tuple[str, ...], float]] = [((other,), 0.0) for other in reversed(lanes[id_].successors)]
     while waiting:
         path, length_m = waiting.pop()
         if path[-1] in at_lane:
-            count += 1
+            complete += 1
             yield path
             continue
         length_m += lanes[path[-1]].length_m
-        if length_m > _LONGEST_M or count >= _MOST_WAYS or len(waiting) > _MOST_WAYS:
+        if length_m > _LONGEST_M or complete >= _MOST_WAYS or len(waiting) > _MOST_WAYS:
             left_out["ways through junctions, too long or too many"] += 1
             continue
         onward = reversed(lanes[path[-1]].successors)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -42,6 +42,8 @@ _OPTIONS = (  # of netconvert 1.28
     *("--precision", "3"),  # millimetres
     *("--no-warnings", "true"),
 )
+_CYCLE_LANE_M = 0.9
+"""Least width of a lane for bicycles, m. Ours: a bicycle is 0.65 m wide."""
 _PRIORITIES = {"priority": 3, "": 2, "yield": 1, "stop": 1}
 """SUMO's priority of an edge by the right of way at its end."""
 _ALLOW = {"road": "", "bus": "bus", "bicycle": "bicycle", "shoulder": ""}
@@ -119,7 +121,8 @@ def network_of(
     Raises:
         RecordingError: netconvert refuses the map, or exceeds its limits.
     """
-    layout = layout_of(divide(lane_map.lanes, junctions=junctions))
+    fitted = {id_: _fitted(lane) for id_, lane in lane_map.lanes.items()}
+    layout = layout_of(divide(fitted, junctions=junctions))
     if not layout.roads:
         raise RecordingError("the map has no road for vehicles")
     frame = _Frame(_offset(lane_map.lanes.values()), speed_mps)
@@ -215,6 +218,13 @@ def _edge(road: Road, frame: _Frame) -> _PlainEdge:
     return _PlainEdge(road.id, f"j{road.start}", f"j{road.end}", priority, speed, frame.points(middle), lanes)
 
 
+def _fitted(lane: Lane) -> Lane:
+    """Return a lane with a type that its width allows."""
+    if lane.type != "road" or lane.width_m >= NARROWEST_M:
+        return lane
+    return replace(lane, type="bicycle" if lane.width_m >= _CYCLE_LANE_M else "shoulder")
+
+
 def _closed(lane: Lane) -> bool:
     """Return whether no vehicle may use a lane, which is then a part of the carriageway only."""
     return lane.type == "shoulder" or (lane.type == "road" and lane.width_m < NARROWEST_M)
@@ -245,9 +255,12 @@ def _notes(lane_map: LaneMap, layout: Layout, speed_mps: float, signals: int) ->
     controlled = {road.end for road in layout.roads if any(lane.signal for lane in road.lanes)}
     if len(controlled) > signals:
         yield f"{len(controlled) - signals} signals have no recorded cycle: their programs are netconvert's"
-    narrow = sum(_closed(lane) and lane.type != "shoulder" for road in layout.roads for lane in road.lanes)
+    narrow = sum(_fitted(lane) is not lane for lane in lane_map.lanes.values())
     if narrow:
-        yield f"{narrow} lanes are narrower than {NARROWEST_M:g} m and are closed to traffic"
+        yield (
+            f"{narrow} lanes are narrower than {NARROWEST_M:g} m: they are for bicycles only, or closed if they are "
+            f"narrower than {_CYCLE_LANE_M:g} m"
+        )
     without = sum(lane.speed_mps is None for lane in lane_map.lanes.values())
     if without:
         kmh = math.ceil(speed_mps * 3.6)
