@@ -16,9 +16,11 @@ from foresee_recordings.mining.search import search
 from foresee_recordings.mining.situation import Situation
 from foresee_recordings.mining.traffic import Traffic
 from foresee_recordings.recording import Recording, Track
+from rich.console import Console
 
 from evaluation.scenes import LASTS_S, MAKERS, tracks_of
 
+CONSOLE = Console(soft_wrap=True, highlight=False)
 APART_M = 1500.0
 """Distance between scenes that happen at one time, m: no actor meets one of another scene."""
 COLUMNS = 20
@@ -95,18 +97,18 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(MAKERS))
     parser.add_argument("--show", action="store_true", help="print what was missed and what was wrong")
     options = parser.parse_args()
-    print(f"{'situation':20} {'seed':>4} {'planted':>7} {'found':>5} {'recall':>7} {'precision':>9}")
+    CONSOLE.print(f"{'situation':20} {'seed':>4} {'planted':>7} {'found':>5} {'recall':>7} {'precision':>9}")
     for seed in map(int, options.seeds.split(",")):
         for kind in options.kinds.split(","):
             result = score(kind, options.each, seed)
-            print(
+            CONSOLE.print(
                 f"{kind:20} {seed:4} {result.planted:7} {result.reported:5} "
                 f"{result.recall:7.1%} {result.precision:9.1%}"
             )
             if options.show:
-                print("  missed", *result.missed)
+                CONSOLE.print("  missed", *result.missed)
                 for situation in result.wrong:
-                    print("  wrong", situation.moment_s, situation.sentence, dict(situation.measures))
+                    CONSOLE.print("  wrong", situation.moment_s, situation.sentence, dict(situation.measures))
 
 
 if __name__ == "__main__":

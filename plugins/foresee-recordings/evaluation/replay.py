@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.tracks import read_tracks
@@ -19,6 +20,8 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
+
+CONSOLE = Console(soft_wrap=True, highlight=False)
 
 
 @dataclass
@@ -60,7 +63,9 @@ def main() -> None:
     for case in load_test_cases([str(parser.parse_args().folder)]):
         result = drive_as_recorded(case)
         tracking = "" if result.tracking is None else result.tracking.sentence
-        print(f"{Path(case.id).stem:45} {result.verdict.value:8} {result.time_s:6.2f} s  {result.reason}  {tracking}")
+        CONSOLE.print(
+            f"{Path(case.id).stem:45} {result.verdict.value:8} {result.time_s:6.2f} s  {result.reason}  {tracking}"
+        )
 
 
 if __name__ == "__main__":

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
-from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.kernels.boxes import box_overlap, pairwise_box_distance
+from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.rows import EGO_KINDS
-from foresee_recordings.mining.traffic import IntArray, Traffic, X, Y
+from foresee_recordings.mining.traffic import HEADING, IntArray, Traffic, X, Y
 
+TOLERANCE_M = 0.2
+"""Distance that the recorded drive must keep from other actors and from the road's edge, m. Ours: a driver that answers
+the recorded trajectory is up to 0.2 m beside it (57 test cases of NGSIM's roads)."""
 LEAST_S = 3.0
 """Shortest test case, s. Ours: less than a driver needs to see, decide and brake."""
 
@@ -53,11 +61,15 @@ def cut_around(traffic: Traffic, ego: int, begins_s: float, ends_s: float, radiu
     return Cut(ego, tuple(others), traffic.time_s(first), traffic.time_s(last), far)
 
 
-def unusable(traffic: Traffic, cut: Cut) -> str:
+def unusable(traffic: Traffic, cut: Cut, network: RoadNetwork, offset: tuple[float, float]) -> str:
     """Return why a part of a recording cannot be a test case; empty if it can.
 
     The recorded drive itself must be a possible one: its box must not overlap that of another actor, which happens in
-    recordings with wrong sizes or positions.
+    recordings with wrong sizes or positions, and its wheels must be on the road.
+
+    Args:
+        traffic: the recording. cut: the part. network: its roads. offset: from the recording's positions to the
+            network's, m.
     """
     track = traffic.tracks[cut.ego]
     if track.kind not in EGO_KINDS:
@@ -68,13 +80,35 @@ def unusable(traffic: Traffic, cut: Cut) -> str:
         frames = _common(traffic, cut, other)
         if not len(frames):
             continue
-        hit = box_overlap(traffic.boxes(traffic.rows(cut.ego, frames)), traffic.boxes(traffic.rows(other, frames)))
-        if hit.any():
-            at_s = traffic.time_s(int(frames[int(np.argmax(hit))]))
+        mine, theirs = (traffic.boxes(traffic.rows(actor, frames)) for actor in (cut.ego, other))
+        apart = pairwise_box_distance(mine, theirs)
+        k = int(apart.argmin())
+        if apart[k] < TOLERANCE_M:
+            how = "overlap" if apart[k] <= 0.0 else f"are {apart[k]:.2f} m apart"
             return (
-                f"the recorded boxes of {track.id} and {traffic.tracks[other].id} overlap at {at_s:.2f} s, "
-                "so the recorded drive itself would fail"
+                f"the recorded boxes of {track.id} and {traffic.tracks[other].id} {how} at "
+                f"{traffic.time_s(int(frames[k])):.2f} s, so the recorded drive itself would fail"
             )
+    return _off_road(traffic, cut, network, offset)
+
+
+def _off_road(traffic: Traffic, cut: Cut, network: RoadNetwork, offset: tuple[float, float]) -> str:
+    """Return when a wheel of the ego leaves the road, as a reason; empty if none does."""
+    track, first = traffic.tracks[cut.ego], traffic.frame_at(cut.begins_s)
+    states = traffic.part(cut.ego, first, traffic.frame_at(cut.ends_s))
+    share = CLASS_DEFAULTS[cast(ActorKind, track.kind)]
+    front = track.length_m * (0.5 - share.overhang_share)
+    rear = front - track.length_m * share.wheelbase_share
+    half = max(track.width_m / 2 - WHEEL_INSET_M + TOLERANCE_M, 0.0)
+    cos, sin = np.cos(states[:, HEADING]), np.sin(states[:, HEADING])
+    for along in (front, rear):
+        for left in (half, -half):
+            x = states[:, X] + offset[0] + along * cos - left * sin
+            y = states[:, Y] + offset[1] + along * sin + left * cos
+            off = np.flatnonzero(network.off_road_depth(np.column_stack([x, y])) > 0.0)
+            if len(off):
+                at_s = traffic.time_s(first + int(off[0]))
+                return f"a wheel of {track.id} leaves the map's road at {at_s:.2f} s, so the recorded drive would fail"
     return ""
 
 

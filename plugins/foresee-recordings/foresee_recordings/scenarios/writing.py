@@ -14,9 +14,10 @@ from foresee_recordings.maps.from_tracks import roads_of
 from foresee_recordings.maps.matching import route_of
 from foresee_recordings.mined import WrittenCase
 from foresee_recordings.mining.roads import network_of
+from foresee_recordings.mining.rows import EGO_KINDS
 from foresee_recordings.mining.situation import Situation
 from foresee_recordings.mining.traffic import Traffic
-from foresee_recordings.recording import RecordedMap, RecordingError, Track
+from foresee_recordings.recording import RecordingError, Track
 from foresee_recordings.scenarios.cut import Cut, cut_around, overlapping_at_begin, unusable
 from foresee_recordings.scenarios.models_file import Models
 from foresee_recordings.scenarios.naming import file_names, unique, word
@@ -95,17 +96,18 @@ def _write(traffic: Traffic, tasks: Iterable[_Task], folder: Path, choice: Choic
         recording.track(name)
     base = word(recording.name) or "recording"
     models = Models(base)
-    routes: dict[int, tuple[str, ...]] = {}
     cases: list[WrittenCase] = []
     texts: dict[Path, str] = {}
     for task in tasks:
-        reason = unusable(traffic, task.cut)
-        roles = [] if reason else _roles(traffic, task.cut, models, (network, roads, routes), choice)
-        if not reason and not roles[0].route:
-            reason = f"{roles[0].track.id} is on none of the map's lanes"
+        ego = traffic.tracks[task.cut.ego]
+        if ego.kind in EGO_KINDS and not route_of(_from(ego, task.cut.begins_s), network, roads.offset):
+            reason = f"{ego.id} is on none of the map's lanes"
+        else:
+            reason = unusable(traffic, task.cut, network, roads.offset)
         if reason:
             cases.append(WrittenCase(task.number, None, reason, left_out=task.cut.left_out))
             continue
+        roles = _roles(traffic, task.cut, models, network, roads.offset, choice)
         cut, file = task.cut, folder / f"{task.name}.foresee"
         tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, roads.offset) for role in roles}
         tracks = tracks_text(recording, tables)
@@ -134,10 +136,11 @@ def _roles(
     traffic: Traffic,
     cut: Cut,
     models: Models,
-    ground: tuple[RoadNetwork, RecordedMap, dict[int, tuple[str, ...]]],
+    network: RoadNetwork,
+    offset: tuple[float, float],
     choice: Choice,
 ) -> list[Role]:
-    network, roads, _ = ground
+    """Return the roles of the ego and of the others."""
     numbers = (cut.ego, *cut.others)
     names = unique(_name(traffic.tracks[k], k) for k in numbers)
     track_names = unique(plain_name(traffic.tracks[k], k) for k in numbers)
@@ -146,10 +149,10 @@ def _roles(
         track = traffic.tracks[k]
         wheels = track.kind not in ("pedestrian", "obstacle")
         later = _from(track, cut.begins_s)
-        route = route_of(later, network, roads.offset) if wheels else ()
+        route = route_of(later, network, offset) if wheels else ()
         role = Role(name, track, track_name, models.of(track), route)
         if k != cut.ego:
-            role = _as_chosen(role, cut, roads.offset, choice)
+            role = _as_chosen(role, cut, offset, choice)
         roles.append(role)
     return roles
 
