@@ -73,7 +73,10 @@ class RiskyPoint:
 class Ranker(Protocol):
     """Turns a trace into a ranked list of risky points, best first."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Its name, as on the command line."""
+        ...
 
     def rank(
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0

@@ -98,6 +98,8 @@ class TestCase(Displayed):
         source: the addressed file.
         document: the parsed file; None for a test case built in memory.
         clip, mutant: the definition in its file; None if the file has no such definition.
+        goal: label of the expectation whose violation is a failure of the run (the goal of the campaign that runs it or
+            that found the mutant); "" for none. It is not part of the meaning.
     """
 
     __test__ = False  # pytest would collect this class by its name
@@ -111,6 +113,7 @@ class TestCase(Displayed):
     document: Document | None = None
     clip: m.Clip | None = None
     mutant: m.Mutant | None = None
+    goal: str = ""
 
     @property
     def snapshot(self) -> bool:
