@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model import Expect
 from foresee_dsl.language.project.document import TestCase
 
@@ -39,8 +39,9 @@ def with_goal(cases: Sequence[TestCase], goal: str) -> list[TestCase]:
     named = [(case, expect) for case in cases for expect in case.scenario.all(Expect) if expect.name == goal]
     if not named:
         labels = sorted({e.name for case in cases for e in case.scenario.all(Expect) if e.name is not None})
-        help_ = did_you_mean(goal, labels) or (f"their labels: {', '.join(labels)}" if labels else _UNLABELLED)
-        raise ForeseeError(f"no test case has an expectation called '{goal}'; {help_}")
+        near = closest(goal, labels)
+        advice = f"did you mean '{near}'?" if near else f"their labels: {', '.join(labels)}" if labels else _UNLABELLED
+        raise ForeseeError(f"no test case has an expectation called '{goal}': {advice}")
     lasting = [case for case, expect in named if expect.mode != "eventually"]
     if not lasting:
         raise ForeseeError(
