@@ -18,14 +18,20 @@ counts as far from the bound. Ours: `foresee` uses 0.1 m, which is this share of
 NEAR_M = 50.0
 """Without an actor that the goal names, a point is about the nearest actor within this, m. Ours: the radius of the
 ranker `foresee` for pedestrians."""
+FAR = 0.5
+"""Score of a margin as large as the bound itself. Ours: at twice the required distance, for example, a small change
+does not break the goal."""
+SHIFTS_S = (2.0, -2.0)
+"""Times by which a point is moved for further clips of the same minimum, s."""
 
 
 @dataclass(frozen=True)
 class MarginRanker:
     """Ranks the local minima of the goal's margin, the smallest first, and then the points of another ranker.
 
-    If the run has no margin (its goal is a fact without a number, or its actors never met), only the other ranker's
-    points remain.
+    Before minima that are far from the bound, those that are near it are proposed again with other beginnings of their
+    clips, because the actors that the goal names may meet only once. If the run has no margin (its goal is a fact
+    without a number, or its actors never met), only the other ranker's points remain.
 
     Attributes:
         then: the other ranker.
@@ -38,12 +44,15 @@ class MarginRanker:
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
     ) -> tuple[RiskyPoint, ...]:
         """Rank the moments of a run; see `Ranker.rank`."""
-        points = _minima(trace, before_s)
+        minima = _minima(trace, before_s)
+        near = [point for point in minima if point.score > FAR]
+        moved = [again for shift_s in SHIFTS_S for point in near for again in _moved(trace, point, shift_s, before_s)]
+        points = [*near, *moved, *(point for point in minima if point.score <= FAR)]
         others = self.then.rank(trace, seed=seed, before_s=before_s, after_s=after_s)
         points += [
             replace(point, score=0.0, why=f"{point.why} (not by the goal's margin)")
             for point in others
-            if all(point.actor != own.actor or abs(point.time_s - own.time_s) >= before_s for own in points)
+            if all(point.actor != own.actor or abs(point.time_s - own.time_s) >= before_s for own in minima)
         ]
         return tuple(replace(point, rank=k) for k, point in enumerate(points, start=1))
 
@@ -62,6 +71,17 @@ def _minima(trace: Trace, before_s: float) -> list[RiskyPoint]:
     gaps = _gaps(trace, series)
     frames = sorted((float(margins[first]), first + earliest) for first, _ in minima)
     return [_point(trace, series, gaps, frame, margin) for margin, frame in frames]
+
+
+def _moved(trace: Trace, point: RiskyPoint, shift_s: float, before_s: float) -> list[RiskyPoint]:
+    """Return the point at a later or earlier moment, so that its clip begins later or earlier; none if the run has no
+    such moment.
+    """
+    frame = point.frame + round(shift_s / STEP_S)
+    if not math.ceil(before_s / STEP_S - 1e-9) <= frame < trace.frames:
+        return []
+    why = f"{point.why}, {abs(shift_s):g} s {'before' if shift_s > 0 else 'after'} this moment"
+    return [replace(point, frame=frame, time_s=float(trace.time_s[frame]), score=point.score / 2, why=why)]
 
 
 def _gaps(trace: Trace, series: GoalSeries) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
