@@ -18,9 +18,8 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
 from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import preset
-from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.forecast.margin import MarginRanker
-from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker
+from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker, RollsOutGoals
 from foresee_dsl.forecast.registry import load_ranker, ranker_within
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
@@ -103,7 +102,7 @@ def toward_goal(ranker: Ranker, case: TestCase) -> Ranker:
     margins come before the ranker's own points.
     """
     pair = PairGoal.of(case)
-    if pair is not None and isinstance(ranker, ReachRanker):
+    if pair is not None and isinstance(ranker, RollsOutGoals):
         return ranker.toward(pair)
     return MarginRanker(ranker)
 

@@ -17,7 +17,6 @@ from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.situation import Numeric
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import Preset, preset
 from foresee_dsl.derive.reach.promise import ReachPromise, avoided_share, in_order, promise
 from foresee_dsl.derive.reach.rolling import Rolling
@@ -25,7 +24,7 @@ from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.geometry import all_distances_to_ego
 from foresee_dsl.forecast.margin import MarginRanker
-from foresee_dsl.forecast.protocol import Mutations, RiskyPoint
+from foresee_dsl.forecast.protocol import Mutations, RiskyPoint, RolledGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language.model import Clip
 from foresee_dsl.simulate.trace import STEP_S, Trace
@@ -42,14 +41,14 @@ class ReachRanker:
 
     settings: ReachSettings = field(default_factory=ReachSettings)
     mutations: Mutations | None = None
-    goal: PairGoal | None = None
+    goal: RolledGoal | None = None
     name: str = "reach"
 
     def before(self, mutations: Mutations) -> ReachRanker:
         """Return the ranker for clips that are mutated in this way."""
         return replace(self, mutations=mutations)
 
-    def toward(self, goal: PairGoal) -> ReachRanker:
+    def toward(self, goal: RolledGoal) -> ReachRanker:
         """Return the ranker of changes that may break a goal: changes of the actor that the goal is about."""
         return replace(self, goal=goal)
 
@@ -171,7 +170,7 @@ def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -
     )
 
 
-def _goal_point(trace: Trace, gaps: FloatArray, best: ReachPromise, goal: PairGoal) -> RiskyPoint:
+def _goal_point(trace: Trace, gaps: FloatArray, best: ReachPromise, goal: RolledGoal) -> RiskyPoint:
     """Return the point of a change that may break the goal; the judges know contacts only and are not asked."""
     point = _point(trace, gaps, best, 0.0)
     change, count = best.rolled.change, len(best.rolled.values)

@@ -16,10 +16,10 @@ from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import Shift
 from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation
 from foresee_dsl.derive.operators.steer import RECOVERS_S, Steer
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.forecast.protocol import RolledGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.kernels.constants import STANDS_MPS
@@ -198,7 +198,7 @@ class Rolling:
     operators: Sequence[Numeric | ModelSwap]
     gaps: FloatArray
     models_of: dict[RolledChange, tuple[str, ...]] = field(default_factory=dict)
-    goal: PairGoal | None = None
+    goal: RolledGoal | None = None
 
     def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[RolledChange, FloatArray]]:
         """Yield the changes of some actors (columns) from a frame on, with all allowed values."""
@@ -320,7 +320,7 @@ class Rolling:
         return gaps
 
     def _margins(
-        self, goal: PairGoal, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray
+        self, goal: RolledGoal, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray
     ) -> FloatArray:
         """Return the margins of a goal, [P, N, T] in SI units; see `_gaps`."""
         trace, shape = self.trace, poses.shape[:3]

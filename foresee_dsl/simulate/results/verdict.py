@@ -71,7 +71,9 @@ def passes(verdict: Verdict, broken: Sequence[str] = ()) -> bool:
 EXPECTATION = "expectation"
 """Text that reports show instead of the verdict `pass` if an expectation does not hold."""
 COLLISIONS = tuple(verdict for verdict in Verdict if verdict.is_collision)
-FAILURES = tuple(verdict for verdict in Verdict if verdict.is_failure and verdict is not Verdict.GOAL)
+FAILURES: tuple[Verdict, ...] = tuple(
+    verdict for verdict in Verdict if verdict.is_failure and verdict is not Verdict.GOAL
+)
 """The verdicts that count as failures in every run, in the order in which tables list them; `goal` exists only in
 campaigns with a goal."""
 
