@@ -21,8 +21,10 @@ ranker `foresee` for pedestrians."""
 FAR = 0.5
 """Score of a margin as large as the bound itself. Ours: at twice the required distance, for example, a small change
 does not break the goal."""
-SHIFTS_S = (2.0, -2.0)
-"""Times by which a point is moved for further clips of the same minimum, s."""
+SHIFTS_S = (-2.0, 2.0)
+"""Times by which a point is moved for further clips of the same minimum, s. Ours, on the even half of
+`tests/cases/goals` with `pdm`: twelve children a test case of points moved by -2, 0 and 2 s broke the goal 28, 26 and
+25 times, in 12, 9 and 9 stories. Points that came after the smallest margin, most about other actors, never did."""
 
 
 @dataclass(frozen=True)
