@@ -20,10 +20,17 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import PurePath
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    NotRequired,  # pydantic requires this one before Python 3.12
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from pydantic import BaseModel
-from typing_extensions import TypedDict  # pydantic requires this one before Python 3.12
+from typing_extensions import TypedDict
 
 _PLAIN = frozenset((str, int, bool, types.NoneType))
 
@@ -38,7 +45,7 @@ def plain(value: Any, digits: int | None = None) -> Any:  # noqa: ANN401, PLR091
     if kind is tuple or kind is list:
         return [plain(part, digits) for part in value]
     if hasattr(kind, "as_document"):
-        return {key: plain(part) for key, part in value.as_document().items()}
+        return {key: plain(part) for key, part in value.as_document().items() if part is not _ABSENT}
     match value:
         case float():
             return value if digits is None else round(value, digits)
@@ -70,6 +77,17 @@ def or_null(value: object) -> object:
     return None if empty else value
 
 
+def where_set(value: object) -> object:
+    """Return a value of a document; if it is None or an empty text, the document does not have its key."""
+    if isinstance(value, _StandIn):
+        return _StandIn(value._type, optional=True)
+    return _ABSENT if value is None or value == "" else value
+
+
+_ABSENT = object()
+"""In the place of a value in `as_document`: the document does not have the key."""
+
+
 def every_field(record: object, digits: int | None = None) -> dict[str, object]:
     """Return all fields of a record by name, for `as_document`; with `digits`, their numbers are rounded."""
     kind: Any = record._type if isinstance(record, _StandIn) else record.__class__
@@ -81,13 +99,13 @@ def every_field(record: object, digits: int | None = None) -> dict[str, object]:
 class _StandIn:
     """Stands for a record in `as_document`: its attributes are stand-ins for values of their types.
 
-    `_type`: the type of the value. `_null`: the value may also be None.
+    `_type`: the type of the value. `_null`: the value may also be None. `_optional`: the document may lack the key.
     """
 
-    __slots__ = ("_null", "_type")
+    __slots__ = ("_null", "_optional", "_type")
 
-    def __init__(self, type_: Any, *, null: bool = False) -> None:  # noqa: ANN401 - a type of any kind
-        self._type, self._null = type_, null
+    def __init__(self, type_: Any, *, null: bool = False, optional: bool = False) -> None:  # noqa: ANN401 - any type
+        self._type, self._null, self._optional = type_, null, optional
 
     def __getattr__(self, name: str) -> _StandIn:
         kind, null = self._type, self._null
@@ -115,6 +133,8 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
     """
     origin, parts = get_origin(kind), [part for part in get_args(kind) if part is not Ellipsis]
     match kind:
+        case _StandIn() if kind._optional:
+            return NotRequired[shape(_not_none(kind._type))]
         case _StandIn():
             return shape(kind._type | None if kind._null and kind._type is not Any else kind._type)
         case Mapping():
@@ -135,6 +155,11 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
     if isinstance(origin, type) and issubclass(origin, Sequence):
         return list[shape(parts[0])]  # type: ignore[misc]
     return kind
+
+
+def _not_none(kind: Any) -> Any:  # noqa: ANN401 - a type of any kind
+    """Return the type of the values of `kind` that are not None."""
+    return Union[tuple(part for part in get_args(kind) if part is not types.NoneType) or (kind,)]  # noqa: UP007
 
 
 @cache

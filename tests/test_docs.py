@@ -391,7 +391,7 @@ def written(cell: str) -> Any:
 def in_code(owner: Any, path: str) -> Any:
     for part in path.split("."):
         owner = getattr(owner, part)
-    return None if owner == () else owner
+    return None if owner in ((), "") else owner
 
 
 def same(said: Any, value: Any) -> bool:

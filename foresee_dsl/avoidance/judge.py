@@ -146,6 +146,8 @@ class Failure:
                 return "it got stuck"
             case Verdict.RULE:
                 return "it broke a traffic rule, without a contact"
+            case Verdict.GOAL:
+                return "it broke the campaign's goal, without a contact"
             case _:
                 return "it left the road, without a contact"
 

@@ -98,6 +98,8 @@ def _rules(
     story: Story, verdict: Verdict, judgements: tuple[AnyJudgement, ...], references: tuple[ReferenceRun, ...]
 ) -> Iterator[Responsibility]:
     """Yield the answers of all rules that apply, in the order of the rules; the last rule always applies."""
+    if verdict is Verdict.GOAL:
+        yield _of_goal(story, references)
     if verdict is not Verdict.RULE:
         yield from _not_driving(story)
     yield from _alone(verdict, story.ego_manoeuvre, references)
@@ -131,6 +133,21 @@ def _alone(verdict: Verdict, rule: str, references: tuple[ReferenceRun, ...]) ->
         yield Responsibility(Whose.DRIVER, f"it breaks a traffic rule: {rule}")
     if verdict is Verdict.F1:
         yield Responsibility(Whose.DRIVER, "it leaves the road")
+
+
+def _of_goal(story: Story, references: tuple[ReferenceRun, ...]) -> Responsibility:
+    """Return the judgement of a run that broke only the goal of its campaign.
+
+    The judges examine contacts, so only another driver can show that the goal could have been kept.
+    """
+    keeps = next((run for run in references if run.avoids and not sees_all(run.driver)), None)
+    if keeps is None:
+        return Responsibility(Whose.ARGUABLE, "it breaks the campaign's goal, which no other driver is known to keep")
+    if story.grounds.steered:
+        return Responsibility(
+            Whose.ARGUABLE, f"{quoted(story.opponent)} is steered at the ego; {keeps.driver} keeps the goal"
+        )
+    return Responsibility(Whose.DRIVER, f"{keeps.driver} keeps the campaign's goal in the same test case")
 
 
 def _not_driving(story: Story) -> Iterator[Responsibility]:

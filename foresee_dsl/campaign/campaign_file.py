@@ -179,5 +179,7 @@ def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:
             yield "repeat", int(item.times.si)
         elif isinstance(item, m.Allocation):
             yield "allocation", item.how
+        elif isinstance(item, m.SearchGoal):
+            yield "goal", item.name
         elif isinstance(item, m.FirstSeed):
             yield "seed", int(item.seed.si)

@@ -78,7 +78,7 @@ def driven(
         # process.
         seed_globals(seed)
         return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines,
-                   rules=rules, ideal=parts, futures=futures)  # fmt: skip
+                   rules=rules, goal=case.goal, ideal=parts, futures=futures)  # fmt: skip
 
     def once() -> RunResult:
         if DriverPart.PREDICTION not in ideal:

@@ -16,10 +16,11 @@ from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
-from foresee_dsl.documents import or_null, rounded
+from foresee_dsl.documents import or_null, rounded, where_set
 from foresee_dsl.files import unpacked_within
+from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Impact, Verdict, passes
+from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.story import Story
 
@@ -31,6 +32,12 @@ class Judged:
     references: tuple[ReferenceRun, ...]
     story: Story | None
     verdict: Verdict
+    goal: GoalMargin | None
+
+    @property
+    def breaks_goal(self) -> bool:
+        """Return whether the run broke the goal of its campaign; False without a goal."""
+        return self.goal is not None and not self.goal.held
 
     @property
     def responsibility(self) -> Responsibility | None:
@@ -92,6 +99,8 @@ class CaseRunOutcome(Judged):
     """The broken expectations, one sentence each."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
+    goal: GoalMargin | None = None
+    """How near the run came to breaking the campaign's goal; None without a goal."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -113,6 +122,7 @@ class CaseRunOutcome(Judged):
             "story": self.story,
             "notes": self.notes,
             "trace": self.trace,
+            "goal": where_set(self.goal),
         }
 
     @property
@@ -204,6 +214,8 @@ class ChildOutcome(Judged):
     """See `CaseRunOutcome`."""
     infractions: tuple[Infraction, ...] = ()
     """See `CaseRunOutcome`."""
+    goal: GoalMargin | None = None
+    """See `CaseRunOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -227,6 +239,7 @@ class ChildOutcome(Judged):
             "anticipation": self.anticipation,
             "references": self.references,
             "story": self.story,
+            "goal": where_set(self.goal),
         }
 
     @property
@@ -392,9 +405,10 @@ class Repeats:
     @property
     def failed(self) -> int:
         """Number of runs that failed."""
-        return sum(count for verdict, count in self.ends.items() if verdict in FAILURES)
+        return sum(count for verdict, count in self.ends.items() if verdict in _FAILED)
 
 
+_FAILED = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
 Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised | Repeats
 """A step's result. A new class is added here; `campaign.assembly` then fails the type check until it handles it."""
 

@@ -12,10 +12,11 @@ from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.findings.grouping import Finding, findings_of, in_order
+from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
-from foresee_dsl.documents import or_null, rounded
+from foresee_dsl.documents import or_null, rounded, where_set
 from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
@@ -102,12 +103,17 @@ class CampaignResult:
             risky_points=sum(s.risky_points for s in seeds),
             clips=len(clips),
             children=len(children),
-            failures={kind.value: counts[kind] for kind in FAILURES},
+            failures={kind.value: counts[kind] for kind in self.kinds},
             simulated_s=sum(sum(run.duration_s for run in runs) for runs in (seeds, clips, children)),
             wall_s=sum(s.wall_s for s in seeds) + sum(c.wall_s for c in clips),
             fidelity_median_m=statistics.median(deviations) if deviations else 0.0,
             fidelity_max_m=max(deviations, default=0.0),
         )
+
+    @property
+    def kinds(self) -> tuple[Verdict, ...]:
+        """Return the kinds of failures that tables list."""
+        return (*FAILURES, Verdict.GOAL) if self.settings.goal else FAILURES
 
     @property
     def failed(self) -> bool:
@@ -164,7 +170,9 @@ class CampaignResult:
         come last, and late failures before early ones; at most one mutant per clip until every clip has had its turn.
         """
         turns = ((k, child) for clip in self.clips for k, child in enumerate(sorted(clip.failing, key=_interest)))
-        ordered = sorted(turns, key=lambda turn: (_avoidable(turn[1]), turn[0], _interest(turn[1])))
+        ordered = sorted(
+            turns, key=lambda turn: (not turn[1].breaks_goal, _avoidable(turn[1]), turn[0], _interest(turn[1]))
+        )
         return tuple(child for _, child in ordered[:count])
 
     def as_document(self) -> dict[str, object]:
@@ -208,7 +216,22 @@ class CampaignResult:
             "clip_runs": self.clips,
             "findings": self.findings,
             "open_first": self.open_first,
+            "goal": where_set(self.goal),
         }
+
+    @cached_property
+    def goal(self) -> GoalCounts | None:
+        """Return how many runs break the campaign's goal; None without one."""
+        if not self.settings.goal:
+            return None
+        children = [child for clip in self.clips for child in clip.children]
+        return GoalCounts(
+            name=self.settings.goal,
+            test_cases=sum(seed.breaks_goal for seed in self.seeds),
+            children=sum(child.breaks_goal for child in children),
+            findings=sum(finding.breaks_goal for finding in self.findings),
+            others=sum(child.verdict.is_failure and not child.breaks_goal for child in children),
+        )
 
     @cached_property
     def total(self) -> FamilyRow:
@@ -255,8 +278,15 @@ def _avoidable(child: ChildOutcome) -> int:
             else Whose.ARGUABLE).rank  # fmt: skip
 
 
-def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:
-    return (_avoidable(child), "steer" in child.operators, child.verdict is Verdict.STUCK, -child.time_s, child.name)
+def _interest(child: ChildOutcome) -> tuple[bool, int, bool, bool, float, str]:
+    return (
+        not child.breaks_goal,
+        _avoidable(child),
+        "steer" in child.operators,
+        child.verdict is Verdict.STUCK,
+        -child.time_s,
+        child.name,
+    )
 
 
 def sorted_outcomes(

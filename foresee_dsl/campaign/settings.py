@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from foresee_dsl.documents import every_field, where_set
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 
@@ -38,6 +39,8 @@ class CampaignSettings:
         allocation: `even`: each clip gets `children`. `adaptive`: the same total in rounds; clips whose mutants were
             worth more get more.
         rules: what it means that the ego breaks a traffic rule in a run that passes otherwise.
+        goal: label of the expectation that the campaign searches: its margin decides what is studied, and a run that
+            breaks it fails. "": collisions and other failures are searched.
     """
 
     driver: str = "pdm"
@@ -54,6 +57,11 @@ class CampaignSettings:
     against: tuple[str, ...] = ()
     allocation: Allocation = "even"
     rules: RulesMode = RULES_MODE
+    goal: str = ""
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "goal": where_set(self.goal)}
 
     @property
     def first_children(self) -> int:

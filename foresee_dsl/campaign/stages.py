@@ -15,6 +15,7 @@ from foresee_dsl.campaign import steps
 from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.execution.pool import Task
+from foresee_dsl.campaign.goal import with_goal
 from foresee_dsl.campaign.keys import judged_identity, key, operators_identity, ranker_identity
 from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.records import decode
@@ -29,7 +30,7 @@ from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 
 def _steps() -> tuple[type[AnyStep], ...]:
@@ -57,7 +58,7 @@ STEPS = _steps()
 """All classes of steps, each after the class that it follows from."""
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
 """The classes of steps that follow from each kind of step."""
-FAILED = frozenset(verdict.value for verdict in FAILURES)
+FAILED = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
 """The verdicts that count as failures, in the form in which rows of the store contain them."""
 
 
@@ -81,8 +82,11 @@ class Stages:
     ) -> None:
         """Compute the keys of the test cases; `store` is None if there are no results yet.
 
+        Test cases without the campaign's goal are left out.
+
         Raises:
             DriverError: there is no such driver.
+            ForeseeError: no test case has the goal.
         """
         self.settings = settings
         self._store, self.out = store, out
@@ -98,7 +102,7 @@ class Stages:
         """For each visited step, the steps that follow from it; a step is visited before and after it has run."""
         self._passed: set[StepNode] = set()
         """The visited mutants that did not fail."""
-        self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
+        self.seeds = tuple(node for node in self._seeds(with_goal(cases, settings.goal)) if shard.holds(node.step.key))
         self.last: tuple[StepNode, ...] = ()
         """The steps that `choose` has returned."""
         self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()

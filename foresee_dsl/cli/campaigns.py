@@ -137,6 +137,7 @@ def campaign(
     )
     with Part.READING:
         cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
+        cases, without_goal = _with_goal(cases, request)
         _check(cases)
     if profiler is not None:
         profiler.ready()
@@ -149,7 +150,7 @@ def campaign(
         listeners += [first_failure, stored, RunningPage(flags.out / "report.html", request.settings[0])]
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)
-        notes = notes_on(store)
+        notes = [*without_goal, *notes_on(store)]
     form = "json" if json else format_
     spent = (
         None
@@ -174,6 +175,15 @@ def campaign(
             raise typer.Exit(stop.exit_code)
     if any(result.broken or (result.failed and not exit_zero) for _, result in results):
         raise typer.Exit(FAILED)
+
+
+def _with_goal(cases: Sequence[TestCase], request: Request) -> tuple[tuple[TestCase, ...], list[str]]:
+    """Return the test cases that have the campaign's goal, and a note on the others; all test cases without a goal."""
+    from foresee_dsl.campaign.goal import left_out, with_goal
+
+    goal = request.settings[0].goal
+    note = left_out(cases, goal)
+    return tuple(with_goal(cases, goal)), [note] if note else []
 
 
 def _check(cases: Sequence[TestCase]) -> None:
@@ -359,6 +369,7 @@ def plan(
 
     request = requested(ctx, paths, flags)
     cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
+    cases, without_goal = _with_goal(cases, request)
     folder, part = flags.store_folder, shard_of(flags.shard)
     stored = (folder / "runs.sqlite").is_file()
     with Store(folder, write=False) if stored else nullcontext() as store:
@@ -381,6 +392,8 @@ def plan(
             if len(plans) > 1:
                 screen.print(f"{settings.driver}, {settings.ranker}", style="bold")
             _print_plan(campaign_plan, folder, stored=stored)
+        for note in without_goal:
+            screen.print(note, markup=False)
         if others:
             screen.print(of_other_versions(folder, others))
 

@@ -17,6 +17,7 @@ from foresee_dsl.derive import presets
 from foresee_dsl.derive.avoidable import avoidable
 from foresee_dsl.derive.local_search import Plan, near_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
+from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.meaning import pin_of
@@ -89,6 +90,8 @@ class Mutator:
             ForeseeError: the clip's `risk` line names an operator that is not installed.
         """
         self._clip, self._preset, self._pin = clip, presets.preset(preset), pin_of(case)
+        self._goal = case.goal
+        goal = PairGoal.of(case)
         self._pinned = int(self._pin.partition(":")[2], 16)
         self._searched: dict[int, tuple[int, list[Drawn]]] = {}
         self.situation = Situation(
@@ -100,6 +103,7 @@ class Mutator:
             swappable=tuple(sorted(models if models is not None else case.models)),
             weather=_weather(case),
             onset_s=_handover_s(clip) if clip.risk and clip.risk.operator else None,
+            goal=goal,
         )
         self._proposed = (clip.risk.operator or "") if clip.risk else ""
         if self._proposed and self._proposed not in operators():
@@ -160,6 +164,7 @@ class Mutator:
             why=self._clip.risk.text if self._proposed and self._clip.risk else None,
             tool=__version__,
             driver=driver or None,
+            goal=self._goal or None,
         )
         name = self._clip.name
         return Mutant(name=f"{name}_m", parent=f"{name}.foresee", pin=self._pin, body=(*changes, origin))
@@ -292,7 +297,8 @@ def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Oper
         near = [situation.ranked, *(a for a in near if a != situation.ranked)]
     usable = [a for a in near if _is_target(situation, preset, a)]
     usable = [a for a in usable if any(_acts(situation, preset, by_name[n], a) for n in names)]
-    if preset.reach_m is None:
+    about_goal = situation.goal is not None and situation.goal.actor == situation.ranked
+    if preset.reach_m is None or (about_goal and situation.ranked in usable):
         return next(iter(usable), "")
     rng = np.random.default_rng(0)  # a fixed generator, because the target must not depend on the seed
     reachable = (
@@ -315,9 +321,14 @@ def _is_target(situation: Situation, preset: Preset, actor: str) -> bool:
 def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, float]:
     """Return how near changes bring an actor to the recorded ego when they are rolled out, m: the distance between
     footprints, and between centres.
+
+    For the actor of a goal that can be rolled out, the first number is the goal's margin.
     """
     of = {c.actor: tuple(d for d in changes if d.actor == c.actor) for c in changes}
-    gaps = (predicted_gap_m(situation.trace, situation.columns[a], own, situation.models) for a, own in of.items())
+    gaps = (
+        predicted_gap_m(situation.trace, situation.columns[a], own, situation.models, situation.goal)
+        for a, own in of.items()
+    )
     return min(gaps, default=(np.inf, np.inf))
 
 

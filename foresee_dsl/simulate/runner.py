@@ -48,6 +48,7 @@ def run(
     sensors: SensorSettings = STANDARD,
     deadlines: Deadlines | None = DEADLINES,
     rules: RulesMode = RULES_MODE,
+    goal: str = "",
     ideal: frozenset[DriverPart] = frozenset(),
     futures: Trace | None = None,
 ) -> RunResult:
@@ -64,6 +65,8 @@ def run(
             None: without a limit.
         rules: whether a run that passes otherwise, but in which the ego breaks a traffic rule, fails (`fail`), passes
             (`report`), or is not examined for that (`off`).
+        goal: label of the expectation that is the goal of a search: a run that passes otherwise, but breaks it, fails,
+            and the trace's `meta` has its margin at every frame; "" for none.
         ideal: parts of the driver that are replaced by ideal ones; ideal perception also needs ideal `sensors`.
         futures: the run from which an ideal prediction knows what the others do.
 
@@ -77,7 +80,7 @@ def run(
     with Part.LOOP, DriverWatch(deadlines, bundle.scene.end_s) as watch:
         try:
             with Part.PLACING:
-                prepared = Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules)
+                prepared = Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules, goal)
                 prepared.idealise(ideal, futures)
             result = prepared.go()
         finally:
@@ -107,7 +110,7 @@ class Run:
 
     def __init__(
         self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings,
-        watch: DriverWatch, rules: RulesMode,
+        watch: DriverWatch, rules: RulesMode, goal: str = "",
     ) -> None:  # fmt: skip
         """Set the scene up in this process's SUMO; raises `SimulationError` if SUMO refuses it."""
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
@@ -127,7 +130,7 @@ class Run:
         )
         self._director = Director(self._simulation, self._conditions, self._recorder)
         self._judging = Judging(self._simulation, self._conditions, self._recorder, driver)
-        self._expectations = Expectations(bundle.scene.expects, self._conditions)
+        self._expectations = Expectations(bundle.scene.expects, self._conditions, goal)
         self._fails = rules is RulesMode.FAIL
         self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None
         self._ideal: frozenset[DriverPart] = frozenset()
@@ -295,14 +298,20 @@ class Run:
             detail = {"with": decision.with_, "verdict": decision.verdict.value}
             self._recorder.event(decision.time_s, "ego", "collision" if decision.with_ else "off_road", detail)
         expectations = self._expectations.results()
+        broken = [result for result in expectations if not result.held]
+        series = self._expectations.goal()
+        goal = series.margin(held=all(result.name != series.name for result in broken)) if series is not None else None
         failing = tuple(infraction for infraction in infractions if infraction.rule.fails)
-        if self._fails and failing and decision.verdict is Verdict.PASS:
+        if decision.verdict is Verdict.PASS and goal is not None and not goal.held:
+            decision = replace(decision, verdict=Verdict.GOAL)
+        elif self._fails and failing and decision.verdict is Verdict.PASS:
             decision = _of_rules(decision, failing)
         reason = decision.reason
-        if decision.verdict is Verdict.PASS:
-            broken = [result.broken_sentence for result in expectations if not result.held]
+        if decision.verdict in (Verdict.PASS, Verdict.GOAL):
+            begins = "goal: " if decision.verdict is Verdict.GOAL else ""
+            sentences = "; ".join((*(result.broken_sentence for result in broken), reason))
             # A mutant's file quotes the reason, and a text of the language cannot contain double quotes.
-            reason = "; ".join((*broken, reason)).replace('"', "'")
+            reason = f"{begins}{sentences}".replace('"', "'")
         deviation = self._follower.deviation if self._follower is not None else None
         if deviation is not None and deviation.is_large:
             reason = f"{reason}; the ego did not follow its driver's plan: it was {deviation.sentence}"
@@ -315,6 +324,7 @@ class Run:
             "reason": reason,
             "infractions": [asdict(infraction) for infraction in infractions],
             **_tracking(deviation),
+            **({"goal": series.as_meta()} if series is not None else {}),
             **self._meta,
         }
         with Part.DIRECTOR:
@@ -330,6 +340,7 @@ class Run:
             trace=trace,
             expectations=expectations,
             infractions=infractions,
+            goal=goal,
             impact=decision.impact,
             notes=self._notes,
             tracking=deviation,

@@ -19,14 +19,17 @@ TURNS_RAD = math.radians(5)
 """An ego whose heading changes by more than this within 1 s is turning, rad. Ours: a lane change at 50 km/h changes the
 heading by 4 degrees."""
 
+_WITHOUT_CONTACT: dict[Verdict | None, ContactClass] = {
+    Verdict.RULE: ContactClass.RULE, Verdict.GOAL: ContactClass.GOAL, Verdict.F1: ContactClass.OFF_ROAD,
+}  # fmt: skip
+"""The classes of runs that ended without a contact; all others have none."""
+
 
 def contact_class(facts: Facts) -> ContactClass:
     """Return the class of a run's contact."""
     impact = facts.impact
-    if facts.verdict is Verdict.RULE:
-        return ContactClass.RULE
     if impact is None:
-        return ContactClass.OFF_ROAD if facts.verdict is Verdict.F1 else ContactClass.NONE
+        return _WITHOUT_CONTACT.get(facts.verdict, ContactClass.NONE)
     if steered_into(facts, impact):
         return ContactClass.STRUCK_BY_STEERED
     if impact.ego_mps < STUCK_SPEED_MPS:

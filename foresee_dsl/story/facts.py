@@ -19,6 +19,7 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction, infractions_in
@@ -85,6 +86,11 @@ class Facts:
         return next(failing, None) if self.verdict is Verdict.RULE else None
 
     @cached_property
+    def goal(self) -> GoalSeries | None:
+        """Return the margins of the campaign's goal, if the run failed because it broke it; None for other runs."""
+        return GoalSeries.in_meta(self.trace.meta) if self.verdict is Verdict.GOAL else None
+
+    @cached_property
     def infractions(self) -> tuple[Infraction, ...]:
         """Return the traffic rules that the ego broke; none if the trace has no record of them."""
         return infractions_in(self.trace.meta)
@@ -98,7 +104,8 @@ class Facts:
     def opponent(self) -> int | None:
         """Return the column of the actor that the story is about; None if it is about the ego alone.
 
-        After a contact it is the actor that was touched. An ego that got stuck or left the road has no opponent.
+        After a contact it is the actor that was touched; if the goal of a campaign was broken, the actor that the goal
+        names. An ego that got stuck or left the road has no opponent.
         Otherwise it is the actor that the mutation changed or that is the clip's risk. If there is no such actor and
         the run passed, it is the moving actor that came nearest.
         """
@@ -112,7 +119,8 @@ class Facts:
         if self.verdict in (Verdict.STUCK, Verdict.F1):
             return None
         risk = self.case.clip.risk if self.case.clip else None
-        named = [change.actor for change in self.changes] + ([risk.actor] if risk and risk.actor else [])
+        named = [self.goal.actor_in(self.trace)] if self.goal is not None else []
+        named += [change.actor for change in self.changes] + ([risk.actor] if risk and risk.actor else [])
         column: int | None = next((ids[name] for name in named if ids.get(name)), None)
         if column is None and self.verdict is Verdict.PASS:
             return self._nearest()
@@ -128,13 +136,16 @@ class Facts:
         end = int(np.nanargmin(gaps_m)) + 1
         return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
-    def at_infraction(self) -> Facts:
-        """Return the facts of the run up to the frame at which the ego broke the rule; if the run did not fail by a
-        rule, the facts of the whole run.
+    def at_failure(self) -> Facts:
+        """Return the facts of the run up to the frame at which the ego broke the rule, or was farthest from keeping the
+        goal; if the run failed in another way, the facts of the whole run.
         """
-        if self.infraction is None:
+        if self.infraction is not None:
+            end = self.trace.frame_at(self.infraction.time_s) + 1
+        elif self.goal is not None and self.goal.worst is not None:
+            end = self.goal.worst + 1
+        else:
             return self
-        end = self.trace.frame_at(self.infraction.time_s) + 1
         return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
     def _nearest(self) -> int | None:

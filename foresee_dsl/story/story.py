@@ -25,6 +25,8 @@ class ContactClass(StrEnum):
     """The ego left the drivable area."""
     RULE = "broke a traffic rule"
     """The ego broke a traffic rule in a run that passed otherwise."""
+    GOAL = "broke the goal"
+    """The ego broke the goal of its campaign in a run that passed otherwise."""
     NONE = "no contact"
     """The ego got stuck, was late or passed."""
 

@@ -13,6 +13,7 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Change, Expression, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
+from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
@@ -47,16 +48,21 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         InputError, CompileError: the test case cannot be compiled.
     """
     whole = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
-    facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole.at_infraction()
+    facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole.at_failure()
     contact, impact = contact_class(facts), facts.impact
     at = touched_at(facts.trace, impact) if impact else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)
     ego = ego_of(facts, place, whole)
     other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
     broken, steered = whole.infraction, contact is ContactClass.STRUCK_BY_STEERED
+    goal = whole.goal
     return Story(
         moments=_moments(whole, ego_moments(whole, facts.last), other, impact),
-        sentence=_sentence(facts, ego, other, place) if broken is None else _of_rule(broken, ego),
+        sentence=_of_rule(broken, ego)
+        if broken is not None
+        else _of_goal(goal, ego, other)
+        if goal is not None
+        else _sentence(facts, ego, other, place),
         opponent=facts.info(other.actor).id if other else "",
         opponent_kind=other.kind if other else "",
         contact=contact,
@@ -93,6 +99,14 @@ def _of_rule(broken: Infraction, ego: EgoMotion) -> str:
     """Return the sentence of a run that failed by a traffic rule."""
     going = f", {ego.going}," if ego.going else ""
     return f"the ego{going} {_clause(broken)} at {broken.time_s:.2f} s; it {_drives(ego)} then"
+
+
+def _of_goal(goal: GoalSeries, ego: EgoMotion, other: Opponent | None) -> str:
+    """Return the sentence of a run that failed by the goal of its campaign."""
+    going = f", {ego.going}," if ego.going else ""
+    amount = "" if goal.worst is None else f" by {goal.short}"
+    what = f"the ego{going} {_drives(ego)}, and breaks {quoted(goal.name)}{amount}"
+    return f"{other.clause()}; {what}" if other is not None else what
 
 
 def _clause(broken: Infraction) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.rules.infraction import Rule
 from foresee_dsl.story.ego import EgoMotion
@@ -31,7 +32,7 @@ def title_of(facts: Facts, ego: EgoMotion, other: Opponent | None, contact: Cont
         return _RULES[facts.infraction.rule]
     going = f"ego {ego.going.replace('to the ', '')}".strip()
     if other is None or facts.impact is None:
-        return _alone(facts, ego, going, place)
+        return _alone(facts, ego, going, place) if contact is not ContactClass.GOAL else _of_goal(facts, other)
     noun = what_is(facts.info(other.actor))
     noun = _NOUNS.get(noun, noun)
     match contact:
@@ -45,6 +46,16 @@ def title_of(facts: Facts, ego: EgoMotion, other: Opponent | None, contact: Cont
         case _:
             pair = f"{_doing(other, noun)} collide"
             return _fitting(f"{going} and {pair}", f"ego and {pair}", f"ego and {noun} collide")
+
+
+def _of_goal(facts: Facts, other: Opponent | None) -> str:
+    """Return the title of a run that broke the goal of its campaign."""
+    goal = GoalSeries.in_meta(facts.trace.meta)
+    breaks = f"ego breaks {goal.name if goal is not None else 'the goal'}"
+    if other is None:
+        return breaks
+    noun = what_is(facts.info(other.actor))
+    return _fitting(f"{breaks}, {_doing(other, _NOUNS.get(noun, noun))}", breaks)
 
 
 def _alone(facts: Facts, ego: EgoMotion, going: str, place: StoryPlace) -> str:

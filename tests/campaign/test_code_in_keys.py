@@ -32,7 +32,7 @@ EDITS = {
     "drivers/protocol.py": ALL | {"pdm", "idm", "foresee", "random"},
     "drivers/idm/__init__.py": {"idm"},
     "forecast/foresee.py": {"foresee", "random"},
-    "forecast/geometry.py": {"mutants", "foresee", "random"},
+    "forecast/geometry.py": {"forecast", "mutants", "foresee", "random"},
     "forecast/settings.py": {"forecast", "mutants", "minimise", "minimised_reference", "foresee", "random"},
     "forecast/registry.py": {"forecast"},
     "forecast/protocol.py": {"forecast", "minimise", "minimised_reference", "foresee", "random"},

@@ -144,7 +144,7 @@ def _after_braking(seen: Perception, failed: Impact, braked: RunResult) -> Preve
 
 def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
     match braked.verdict:
-        case Verdict.PASS | Verdict.TIMEOUT | Verdict.STUCK | Verdict.RULE:
+        case Verdict.PASS | Verdict.TIMEOUT | Verdict.STUCK | Verdict.RULE | Verdict.GOAL:
             return Preventable.YES, "avoids the contact"
         case (
             Verdict.F1 | Verdict.F2 | Verdict.F3 | Verdict.F4 | Verdict.F5 | Verdict.CRASH | Verdict.INVALID

@@ -62,7 +62,8 @@ class ChildFacts:
     Attributes:
         story: signature that equal failures share; () if the run did not fail.
         avoidable: whether a judge answers that the failure could have been avoided.
-        nearness: for a pass, 0 (far) to 1 (almost touching); otherwise 0.
+        nearness: for a pass, 0 (far) to 1 (almost touching, or almost breaking the campaign's goal); otherwise 0. A
+            failure that keeps the goal counts as such a pass.
     """
 
     story: tuple[str, ...]
@@ -70,8 +71,13 @@ class ChildFacts:
     nearness: float
 
     @classmethod
-    def of(cls, child: ChildOutcome, family: str) -> ChildFacts:
-        """Return the facts about a mutant's record. The same story in two families counts as two stories."""
+    def of(cls, child: ChildOutcome, family: str, goal: str = "") -> ChildFacts:
+        """Return the facts about a mutant's record. The same story in two families counts as two stories.
+
+        `goal`: that of the campaign.
+        """
+        if goal and (child.goal is None or child.goal.held):
+            return cls((), avoidable=False, nearness=child.goal.nearness if child.goal is not None else 0.0)
         signature = child.story.signature if child.story is not None else (child.verdict.value,)
         return cls(
             story=(family, *signature) if child.verdict.is_failure else (),

@@ -283,7 +283,7 @@ class Rounds:
             record = decode(row.record, ChildOutcome) if row is not None else None
             if not isinstance(record, ChildOutcome):
                 return None
-            self._facts[node] = ChildFacts.of(record, node.case.family)
+            self._facts[node] = ChildFacts.of(record, node.case.family, self._stages.settings.goal)
         return self._facts[node]
 
     def _others_avoid(self, drawn: _DrawnChild) -> bool:

@@ -150,16 +150,23 @@ class Finding:
         return responsibility_of(self.story, self.verdict, self.judgements, self.references)
 
     @property
-    def order(self) -> tuple[int, bool, float, tuple[int, bool, float], str]:
+    def breaks_goal(self) -> bool:
+        """Return whether `run` broke the goal of its campaign; False without a goal."""
+        return self.run.breaks_goal
+
+    @property
+    def order(self) -> tuple[bool, int, bool, float, tuple[int, bool, float], str]:
         """Return the sort key of reports.
 
-        It begins with whose failure it is; then people on foot or on two wheels come first; then the hardest contact;
-        then the smallest change, with steering and other models last; then the name.
+        It begins with whether the failure breaks the campaign's goal, if there is one, and whose failure it is; then
+        people on foot or on two wheels come first; then the hardest contact; then the smallest change, with steering
+        and other models last; then the name.
         """
         unprotected = self.story.opponent_kind in ("pedestrian", "bicycle", "motorcycle")
         speed_mps = self.run.impact.relative_mps if self.run.impact is not None else 0.0
         change = _simplicity(self.run) if isinstance(self.run, ChildOutcome) else (0, False, 0.0)
-        return self.responsibility.whose.rank, not unprotected, -round(speed_mps, 1), change, self.name
+        whose = self.responsibility.whose.rank
+        return not self.breaks_goal, whose, not unprotected, -round(speed_mps, 1), change, self.name
 
     @property
     def judgements(self) -> tuple[AnyJudgement, ...]:

@@ -79,8 +79,8 @@ class Ending:
 
     def expected_of(self, driver: str, case: str | None = None) -> m.Expected | None:
         """Return the statement that expects this ending; None for one that cannot be expected (crash, invalid)."""
-        if self.verdict is Verdict.PASS:  # a broken expectation has no kind: its `expect` line has the details
-            return m.Expected(driver=driver, case=case, outcome="fails" if self.breaks else "passes")
+        if self.verdict in (Verdict.PASS, Verdict.GOAL):  # a broken expectation has no kind: see its `expect` line
+            return m.Expected(driver=driver, case=case, outcome="passes" if self.passes else "fails")
         if self.verdict.value not in get_args(FailureName):
             return None
         is_name = re.fullmatch(
@@ -181,7 +181,7 @@ def recorded_in(origin: m.Origin | None) -> m.Expected | None:
 def ending_of(reason: str) -> Ending | None:
     """Return the ending that a recorded sentence describes; None if it is not a failure."""
     word = re.split(r"\W", reason, maxsplit=1)[0]
-    if word not in get_args(FailureName):
+    if word not in (*get_args(FailureName), Verdict.GOAL.value):
         return None
     verdict = next(candidate for candidate in Verdict if candidate.value == word)
     # Only a contact has another actor: a stuck ego stood "with nothing to wait for".

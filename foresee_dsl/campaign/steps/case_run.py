@@ -37,9 +37,9 @@ class CaseStep(Step[None, None]):
         # The window of a clip is not part of the scenario, but it determines the noise of the sensors.
         window = clip_pin(case.clip, case.clip.pin) if case.clip is not None else ""
         seed = campaign.settings.seed
-        return cls(
-            campaign.key(cls, meaning=case.meaning, window=window, driver=campaign.driver, seed=seed), name, seed
-        )
+        key = campaign.key(cls, meaning=case.meaning, window=window, driver=campaign.driver, seed=seed,
+                           **campaign.goal)  # fmt: skip
+        return cls(key, name, seed)
 
     @classmethod
     def following(cls, above: None, result: None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
@@ -71,6 +71,7 @@ class CaseStep(Step[None, None]):
             story=explanation.story,
             broken_expectations=result.broken_expectations,
             infractions=result.infractions,
+            goal=result.goal,
             notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace

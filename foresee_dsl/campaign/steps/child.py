@@ -47,7 +47,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
         for mutant in result.drafts if result is not None else ():
             key = campaign.key(cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver,
-                               seed=above.seed)  # fmt: skip
+                               seed=above.seed, **campaign.goal)  # fmt: skip
             yield cls(key, f"{above.name}{again}_m{mutant.number}", above.seed, above.draft, mutant)
 
     @staticmethod
@@ -111,6 +111,7 @@ def run_child(
         notes=notes_of(result),
         broken_expectations=result.broken_expectations,
         infractions=result.infractions,
+        goal=result.goal,
     )
     return outcome, result
 

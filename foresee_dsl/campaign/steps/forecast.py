@@ -16,8 +16,10 @@ from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
+from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import preset
-from foresee_dsl.forecast.protocol import Mutations, Proposes
+from foresee_dsl.forecast.margin import MarginRanker
+from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker, RollsOutGoals
 from foresee_dsl.forecast.registry import load_ranker, ranker_within
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
@@ -74,6 +76,8 @@ class ForecastStep(Step["CaseStep", CaseRunOutcome]):
         models = {name: spec_of(model) for name, model in case.models.items()}
         mutations = Mutations(s.preset, models)
         ranker = ranker_within(s.ranker, lambda: compile_test_case(case), mutations)
+        if case.goal:
+            ranker = toward_goal(ranker, case)
         points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
         search = preset(s.preset).search
         promise = Promise(RecordedRun.of(trace), search, self.seed) if search is not None else None
@@ -89,6 +93,18 @@ class ForecastStep(Step["CaseStep", CaseRunOutcome]):
             draft = _draft(clip_around(case, trace, point, file, **window), point.rank)
             drafts.setdefault(draft.pin, draft)
         return Forecast(len(points), tuple(drafts.values())), None
+
+
+def toward_goal(ranker: Ranker, case: TestCase) -> Ranker:
+    """Return the ranker of a campaign with a goal.
+
+    A ranker that proposes changes uses the goal, if a roll-out can compute it. Otherwise the moments of the smallest
+    margins come before the ranker's own points.
+    """
+    pair = PairGoal.of(case)
+    if pair is not None and isinstance(ranker, RollsOutGoals):
+        return ranker.toward(pair)
+    return MarginRanker(ranker)
 
 
 @Part.CLIP.measured

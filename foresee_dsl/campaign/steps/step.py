@@ -43,6 +43,13 @@ class KeyInputs:
     references: tuple[tuple[str, str], ...]
     key: Callable[..., str]
 
+    @property
+    def goal(self) -> dict[str, str]:
+        """Return the part of the keys of runs that states the goal; empty without a goal, so that such keys are those
+        of a campaign that has no goal.
+        """
+        return {"goal": self.settings.goal} if self.settings.goal else {}
+
 
 @dataclass(frozen=True)
 class Work:

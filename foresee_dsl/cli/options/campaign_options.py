@@ -78,6 +78,15 @@ class Flags:
             "clips whose mutants failed more often get more).",
         ),
     ] = CampaignSettings.allocation
+    goal: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Search the expectation with this label (`expect NAME: always ...`) instead of collisions: its margin "
+            "decides what is studied, and a run that breaks it fails.",
+            show_default=False,
+        ),
+    ] = CampaignSettings.goal
     against: Annotated[
         str | None,
         typer.Option(

@@ -14,12 +14,14 @@ from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, HeavyWeather, LineShift, StyleChange, TimingShift
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
 from foresee_dsl.derive.operators.steer import Steer
+from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
 from foresee_dsl.plugins import PluginGroup
-from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 __all__ = ["OPERATORS", "Operator", "Situation", "operators", "predicted_gap_m"]
 
@@ -47,9 +49,15 @@ def _added(path: tuple[str, ...]) -> dict[str, Operator]:  # noqa: ARG001  (the 
 
 
 def predicted_gap_m(
-    trace: Trace, actor: int, changes: Iterable[Change], models: Mapping[str, ModelSpec]
+    trace: Trace,
+    actor: int,
+    changes: Iterable[Change],
+    models: Mapping[str, ModelSpec],
+    goal: PairGoal | None = None,
 ) -> tuple[float, float]:
     """Return the smallest distances of a changed actor to the recorded ego, m: between footprints, and between centres.
+
+    With a goal about this actor, the first number is its smallest margin instead, in SI units.
 
     This is the roll-out: each operator changes the actor's recorded track as the simulation would, without the ego's
     reaction. The result tells which of many draws are worth a simulation, not how they end.
@@ -65,5 +73,14 @@ def predicted_gap_m(
     present = ~np.isnan(boxes[:, 0]) & ~np.isnan(ego[:, 0])
     if not present.any():
         return math.inf, math.inf
-    gaps = pairwise_box_distance(ego[present], boxes[present])
+    if goal is not None and goal.actor == trace.actors[actor].id:
+        gaps = goal.margins(ego[present], trace.states[present, 0, SPEED], boxes[present], _speeds(boxes)[present])
+    else:
+        gaps = pairwise_box_distance(ego[present], boxes[present])
     return float(gaps.min()), float(np.hypot(*(ego[present, :2] - boxes[present, :2]).T).min())
+
+
+def _speeds(boxes: FloatArray) -> FloatArray:
+    """Return the speed along a track of footprints, [T] m/s; NaN where the actor is absent."""
+    moved = np.hypot(*np.diff(boxes[:, :2], axis=0).T) / STEP_S
+    return np.append(moved, moved[-1:]) if len(moved) else np.zeros(len(boxes))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
@@ -33,6 +34,7 @@ class Situation:
         models: all models of the case, by name. swappable: names of the models that may be swapped in.
         weather: the clip's rain, fog and wetness, ratios.
         onset_s: time at which a proposed change begins, from the clip's beginning; None if no change is proposed.
+        goal: the campaign's goal, if a roll-out can compute its margin.
     """
 
     clip: Clip
@@ -43,6 +45,7 @@ class Situation:
     swappable: tuple[str, ...]
     weather: Mapping[str, Quantity] = field(default_factory=dict)
     onset_s: float | None = None
+    goal: PairGoal | None = None
 
     @cached_property
     def actors(self) -> dict[str, Actor]:

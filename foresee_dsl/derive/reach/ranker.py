@@ -23,7 +23,8 @@ from foresee_dsl.derive.reach.rolling import Rolling
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.geometry import all_distances_to_ego
-from foresee_dsl.forecast.protocol import Mutations, RiskyPoint
+from foresee_dsl.forecast.margin import MarginRanker
+from foresee_dsl.forecast.protocol import Mutations, RiskyPoint, RolledGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language.model import Clip
 from foresee_dsl.simulate.trace import STEP_S, Trace
@@ -35,15 +36,21 @@ class ReachRanker:
 
     Attributes:
         mutations: how clips will be mutated; None: by the preset `focused`, with the default vehicle of each class.
+        goal: a goal whose margin is ranked in the place of the distance to the ego; None: contacts are ranked.
     """
 
     settings: ReachSettings = field(default_factory=ReachSettings)
     mutations: Mutations | None = None
+    goal: RolledGoal | None = None
     name: str = "reach"
 
     def before(self, mutations: Mutations) -> ReachRanker:
         """Return the ranker for clips that are mutated in this way."""
         return replace(self, mutations=mutations)
+
+    def toward(self, goal: RolledGoal) -> ReachRanker:
+        """Return the ranker of changes that may break a goal: changes of the actor that the goal is about."""
+        return replace(self, goal=goal)
 
     def rank(
         self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
@@ -55,8 +62,12 @@ class ReachRanker:
         s, gaps = self.settings, _gaps(trace)
         run = RecordedRun.of(trace, {name: spec.height_m for name, spec in self._models(trace).items()})
         best = in_order(self.promises(trace), s)
-        points = [_point(trace, gaps, promised, avoided_share(run, promised, s)) for promised in best]
-        for other in ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s):
+        if self.goal is not None:
+            points = [_goal_point(trace, gaps, promised, self.goal) for promised in best]
+        else:
+            points = [_point(trace, gaps, promised, avoided_share(run, promised, s)) for promised in best]
+        rest = ForeseeRanker() if self.goal is None else MarginRanker(ForeseeRanker())
+        for other in rest.rank(trace, seed=seed, before_s=before_s, after_s=after_s):
             if all(other.actor != p.actor or abs(other.time_s - p.time_s) >= before_s for p in points):
                 points.append(replace(other, score=0.0))
         return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
@@ -68,16 +79,24 @@ class ReachRanker:
         changes = [
             change
             for onset in range(0, trace.frames - round(1 / STEP_S), round(s.every_s / STEP_S))
-            for change in rolling.changes(onset, _nearest(gaps[:, onset], s))
+            for change in rolling.changes(onset, self._examined(trace, gaps[:, onset]))
         ]
         moving = gaps.copy()
-        moving[[info.kind == "obstacle" for info in trace.actors]] = np.inf
+        moving[[info.kind == "obstacle" or self.goal is not None for info in trace.actors]] = np.inf
         return [promise(trace, rolled, moving, s) for rolled in rolling.rolled(changes)]
+
+    def _examined(self, trace: Trace, gaps: FloatArray) -> list[int]:
+        """Return the columns of the actors whose changes are rolled out at a moment."""
+        if self.goal is None:
+            return _nearest(gaps, self.settings)
+        return [k for k, info in enumerate(trace.actors) if info.id == self.goal.actor and np.isfinite(gaps[k])]
 
     def rolling(self, trace: Trace, gaps: FloatArray) -> Rolling:
         """Return the object that rolls out the changes of a run. `gaps`: [A, T] m between each actor and the ego."""
         chosen = preset(self.mutations.preset) if self.mutations is not None else preset("focused")
-        return Rolling(trace, self._models(trace), chosen, self.settings, _NO_CLIP, _operators(chosen), gaps)
+        return Rolling(
+            trace, self._models(trace), chosen, self.settings, _NO_CLIP, _operators(chosen), gaps, goal=self.goal
+        )
 
     def _models(self, trace: Trace) -> Mapping[str, ModelSpec]:
         return self.mutations.models if self.mutations is not None else _usual(trace)
@@ -149,3 +168,14 @@ def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -
         operator=change.operator.name,
         begins=change.onset,
     )
+
+
+def _goal_point(trace: Trace, gaps: FloatArray, best: ReachPromise, goal: RolledGoal) -> RiskyPoint:
+    """Return the point of a change that may break the goal; the judges know contacts only and are not asked."""
+    point = _point(trace, gaps, best, 0.0)
+    change, count = best.rolled.change, len(best.rolled.values)
+    does = f"{len(best.reaching)} of {count} changes break {goal.name}" if len(best.reaching) else (
+        f"none of {count} changes breaks {goal.name}; it is closest at {point.time_s:.1f} s"
+    )  # fmt: skip
+    onset_s = trace.time_s[change.onset]
+    return replace(point, why=f"{change.operator.name} of {point.actor} from {onset_s:.1f} s: {does}")

@@ -19,6 +19,7 @@ from foresee_dsl.derive.operators.steer import RECOVERS_S, Steer
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.forecast.protocol import RolledGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.kernels.constants import STANDS_MPS
@@ -188,6 +189,7 @@ class Rolling:
     Attributes:
         clip: placeholder for the clip that will be cut. operators: the operators of the preset that can be rolled out.
             gaps: [A, T] gaps of the actors to the ego, m. models_of: for each swap, the models that fit.
+        goal: the goal of the actor whose changes are rolled out. Its margins (SI units) take the place of the gaps.
     """
 
     trace: Trace
@@ -198,6 +200,7 @@ class Rolling:
     operators: Sequence[Numeric | ModelSwap]
     gaps: FloatArray
     models_of: dict[RolledChange, tuple[str, ...]] = field(default_factory=dict)
+    goal: RolledGoal | None = None
 
     def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[RolledChange, FloatArray]]:
         """Yield the changes of some actors (columns) from a frame on, with all allowed values."""
@@ -306,6 +309,8 @@ class Rolling:
         if sizes is None:
             own = np.array([(trace.actors[k].length_m, trace.actors[k].width_m) for k in actors])
             sizes = np.repeat(own[:, None], poses.shape[1], axis=1)
+        if self.goal is not None:
+            return self._margins(self.goal, poses, actors, frames, sizes)
         circles = (np.hypot(sizes[..., 0], sizes[..., 1]) + math.hypot(info.length_m, info.width_m))[..., None] / 2
         apart = np.hypot(poses[..., 0] - ego[:, None, :, 0], poses[..., 1] - ego[:, None, :, 1])
         gone = np.isnan(trace.states[frames, actors[:, None], X])
@@ -315,6 +320,23 @@ class Rolling:
         egos = np.column_stack([ego[p, t], np.broadcast_to((info.length_m, info.width_m), (len(p), 2))])
         gaps[p, n, t] = pairwise_box_distance(egos, np.column_stack([poses[p, n, t], sizes[p, n]]))
         return gaps
+
+    def _margins(
+        self, goal: RolledGoal, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray
+    ) -> FloatArray:
+        """Return the margins of a goal, [P, N, T] in SI units; see `_gaps`."""
+        trace, shape = self.trace, poses.shape[:3]
+        moved = np.hypot(*np.moveaxis(np.diff(poses[..., :2], axis=2), -1, 0)) / self.settings.step_s
+        speeds = np.concatenate([moved, moved[:, :, -1:]], axis=2)
+        info, own = trace.actors[0], trace.states[frames, 0][:, None]
+        ego = np.broadcast_to(own, (*shape, own.shape[-1])).reshape(-1, own.shape[-1])
+        egos = np.column_stack([ego[:, [X, Y, HEADING]], np.broadcast_to((info.length_m, info.width_m), (len(ego), 2))])
+        sides = np.broadcast_to(sizes[:, :, None], (*shape, 2)).reshape(-1, 2)
+        boxes = np.column_stack([poses.reshape(-1, 3), sides])
+        margins = goal.margins(egos, ego[:, SPEED], boxes, speeds.reshape(-1)).reshape(shape)
+        gone = np.isnan(trace.states[frames, actors[:, None], X])
+        gone[:, 1:] |= frames[:, 1:] == frames[:, :-1]  # a frame beyond the run's end
+        return np.where(np.isnan(margins) | gone[:, None, :], np.inf, margins)
 
 
 def _evenly(values: FloatArray, most: int) -> FloatArray:

@@ -161,7 +161,10 @@ class GoalAt(Item, kind="goal"):
     """`goal PLACE`: the end of the ego's route (default: the end of the last edge)."""
 
     pattern = "goal {place}"
-    words = "goal (statement): the place where the ego's route ends | goal 40 m past j4 on ego.route"
+    words = """
+        goal (statement): the place where the ego's route ends; in a campaign, the expectation that it searches
+            | goal 40 m past j4 on ego.route
+    """
 
     place: v.Place
 

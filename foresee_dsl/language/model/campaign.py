@@ -116,6 +116,15 @@ class Allocation(Item):
     how: Literal["even", "adaptive"]
 
 
+class SearchGoal(Item):
+    """`goal room`: the expectation that the campaign searches, by its label: its margin decides what is studied, and a
+    run that breaks it fails."""
+
+    pattern = "goal {name}"
+
+    name: Name
+
+
 class FirstSeed(Item):
     """`seed 7`: the seed of all random choices."""
 
@@ -145,6 +154,7 @@ CampaignItem = Annotated[
     | Children
     | Repeat
     | Allocation
+    | SearchGoal
     | FirstSeed
     | Budget,
     ONE_OF,

@@ -344,7 +344,8 @@ class Origin(Item):
     meaning."""
 
     pattern = (
-        "origin { operator; preset; seed; why; tool; driver; found; minimised; preventable; anticipating; avoided }"
+        "origin { operator; preset; seed; why; tool; driver; goal; found; minimised; preventable; anticipating; "
+        "avoided }"
     )
     words = """
         origin (statement): where a mutant comes from; it has no effect on the run
@@ -373,6 +374,7 @@ class Origin(Item):
     why: Text | None = None
     tool: Text | None = None
     driver: Text | None = None
+    goal: Name | None = None
     found: Text | None = None
     minimised: Text | None = None
     preventable: Literal["yes", "no", "unknown"] | None = None

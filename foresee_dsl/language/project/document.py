@@ -99,6 +99,8 @@ class TestCase(Displayed):
         document: the parsed file; None for a test case built in memory.
         clip, mutant: the definition in its file; None if the file has no such definition.
         tracks: the absolute path of the file with the recorded tracks of its actors; None without one.
+        goal: label of the expectation whose violation is a failure of the run (the goal of the campaign that runs it or
+            that found the mutant); "" for none. It is not part of the meaning.
     """
 
     __test__ = False  # pytest would collect this class by its name
@@ -113,6 +115,7 @@ class TestCase(Displayed):
     clip: m.Clip | None = None
     mutant: m.Mutant | None = None
     tracks: Path | None = None
+    goal: str = ""
 
     @property
     def snapshot(self) -> bool:

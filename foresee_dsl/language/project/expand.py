@@ -82,9 +82,11 @@ def expand_mutant(
     body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.UseTracks | m.Network))
     scenario = _behind_tags(mutant.name, body, *surroundings(clip_case, source.parent))
     meaning = meaning or meaning_hash(scenario, clip_case.network, clip_case.models, clip_case.tracks)
+    goal = (mutant.origin.goal if mutant.origin else None) or clip_case.goal
     return replace(
-        clip_case, id=name, scenario=scenario, meaning=meaning, source=source, document=document, mutant=mutant
-    )
+        clip_case, id=name, scenario=scenario, meaning=meaning, source=source, document=document, mutant=mutant,
+        goal=goal,
+    )  # fmt: skip
 
 
 def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenario) -> None:

@@ -39,7 +39,7 @@ with the same story show nothing new."""
 MOST_PLAYBACKS = 400
 """Number of playbacks after which further findings show only their representative. Ours: at 15 kB and 0.08 s each, 400
 take 6 MB and 30 s."""
-_WITHOUT_NOTE = (Verdict.PASS, *FAILURES)
+_WITHOUT_NOTE = (Verdict.PASS, *FAILURES, Verdict.GOAL)
 """Verdicts that need no note at the top of the report, because it shows failures as findings."""
 
 
@@ -141,6 +141,12 @@ def _notes(source: Source) -> Iterator[str]:
         )
     if campaign.deterministic is False:
         yield f"{not_deterministic(campaign.driver, [record.rate or '' for record in campaign.findings or ()])}."
+    if (goal := campaign.goal) is not None:
+        others = f"; {counted(goal.others, 'other failure')} keep it" if goal.others else ""
+        yield (
+            f"The campaign searched the expectation `{goal.name}`: {counted(goal.children, 'child', 'children')} and "
+            f"{counted(goal.findings, 'finding')} break it{others}."
+        )
     yield from source.standing.notes
     broke = Counter(map(ended, campaign.test_cases))
     counts = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _WITHOUT_NOTE]
@@ -293,7 +299,7 @@ def _each_alone(source: Source) -> tuple[Finding, ...]:
     """Return each failure as a finding of its own, for an older `campaign.json` without findings."""
     campaign = source.campaign
     families = {case.test_case: case.family for case in campaign.test_cases}
-    kinds = {verdict.value for verdict in FAILURES}
+    kinds = {verdict.value for verdict in Verdict if verdict.is_failure}
     failures: list[tuple[str, CaseRun | ChildRun, str, str | None]] = [
         (_case_name(case), case, case.test_case, case.test_case)
         for case in campaign.test_cases

@@ -158,6 +158,15 @@ class Finding(_Part):
     minimised: Minimised | None = None
 
 
+class GoalCounts(_Part):
+    """How many runs break the goal of a campaign."""
+
+    name: str
+    children: int = 0
+    findings: int = 0
+    others: int = 0
+
+
 class Campaign(_Part):
     """The result of a campaign; `findings` is None in a file of an older version, which did not group failures."""
 
@@ -180,6 +189,7 @@ class Campaign(_Part):
     test_cases: tuple[CaseRun, ...] = ()
     clip_runs: tuple[ClipRun, ...] = ()
     findings: tuple[Finding, ...] | None = None
+    goal: GoalCounts | None = None
 
 
 def read_campaign_folder(folder: Path) -> Campaign:

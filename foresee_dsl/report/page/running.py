@@ -17,13 +17,13 @@ from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.page.html import hash_of, page_style, page_templates
 from foresee_dsl.report.terminal.live import TITLES, Figures
-from foresee_dsl.simulate.results.verdict import FAILURES
+from foresee_dsl.simulate.results.verdict import Verdict
 
 EVERY_S = 10.0
 """Interval at which the page is written, and at which it loads itself again, s. Ours: writing takes 5 ms."""
 MOST_LISTED = 100
 """Maximum number of failures that are listed; the latest come first. Ours: a few screens."""
-_FAILING = frozenset(verdict.value for verdict in FAILURES)
+_FAILING = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
 
 
 @dataclass(frozen=True)

@@ -152,8 +152,13 @@ def _figures(campaign: Campaign) -> Iterator[tuple[str, str]]:
         yield "other actors of clips within 0.1 m of their parent", f"{float(others['within_0.1_m']):.1%}"
 
 
+def _kinds(campaign: Campaign) -> list[str]:
+    """Return the kinds of failures of a campaign; `goal` is one of them if it has a goal."""
+    return [*(verdict.value for verdict in FAILURES), *([Verdict.GOAL.value] if campaign.goal is not None else [])]
+
+
 def _family_table(campaign: Campaign, driver: str) -> Table:
-    kinds = [verdict.value for verdict in FAILURES]
+    kinds = _kinds(campaign)
     headings = ("family", "cases", "not passed", "points", "clips", "children", *kinds, "failing children")
     families = {case.test_case: case.family for case in campaign.test_cases}
     rows = [
@@ -167,7 +172,7 @@ def _family_row(campaign: Campaign, families: dict[str, str], which: set[str], n
     cases = [case for case in campaign.test_cases if case.family in which]
     clips = [clip for clip in campaign.clip_runs if families.get(clip.test_case, "") in which]
     verdicts = Counter(child.verdict for clip in clips for child in clip.children)
-    kinds = [verdicts[verdict.value] for verdict in FAILURES]
+    kinds = [verdicts[kind] for kind in _kinds(campaign)]
     counts = (
         len(cases),
         sum(ended(case) != Verdict.PASS.value for case in cases),

@@ -20,6 +20,7 @@ from rich.text import Text
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Whose
 from foresee_dsl.campaign.findings.grouping import Finding
+from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.campaign.triage.standing import Standing, standing_of
@@ -198,6 +199,8 @@ def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
 def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Text]:
     """Yield the counts: findings by their judgement, failed test cases and mutants, and the settings."""
     settings, total = result.settings, result.row()
+    if result.goal is not None:
+        yield Text(_goal_words(result.goal), style="bold red" if result.goal.children else "bold")
     if findings:
         failing = sum(finding.count for finding in findings)
         counts = Counter(finding.responsibility.whose for finding in findings)
@@ -231,6 +234,17 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         f"{counted(total.clips, 'clip')}, {duration(result.wall_s)}",
         style="dim",
     )
+
+
+def _goal_words(goal: GoalCounts) -> str:
+    """Return, in words, how many runs break the goal, and how many failures keep it."""
+    broken = [
+        counted(goal.findings, "finding"),
+        counted(goal.children, "child", "children"),
+        *([counted(goal.test_cases, "unmutated test case")] if goal.test_cases else []),
+    ]
+    others = f"; {counted(goal.others, 'failing child keeps', 'failing children keep')} it" if goal.others else ""
+    return f"goal {goal.name}: broken by {' and '.join([', '.join(broken[:-1]), broken[-1]])}{others}"
 
 
 def _allocated(result: CampaignResult) -> str:
@@ -326,14 +340,12 @@ def _changed_lines(result: CampaignResult) -> Iterator[Text]:
 
 def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
     """Yield the runs that came nearest to a failure, and the commands to try next."""
-    runs: list[tuple[float, str, str]] = [
-        (*_nearest(seed.near), seed.id) for seed in result.seeds if seed.near is not None and _passed(seed)
-    ]
+    runs: list[tuple[float, str, str]] = [(*_nearest(seed), seed.id) for seed in result.seeds if _passed(seed)]
     for clip in result.clips:
         runs += [
-            (*_nearest(child.near), f"{child.name} (mutant of {clip.seed})")
+            (*_nearest(child), f"{child.name} (mutant of {clip.seed})")
             for child in clip.children
-            if child.near is not None and child.verdict is Verdict.PASS
+            if child.verdict is Verdict.PASS
         ]
     nearest = sorted(run for run in runs if math.isfinite(run[0]))[:NEAREST]
     if nearest:
@@ -352,6 +364,7 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
         if field.name in ("before_s", "after_s", "handover_s", "seed")
         and getattr(settings, field.name) != field.default
     )
+    chosen += f" --goal {settings.goal}" if settings.goal else ""
     again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}{chosen}"
     yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
@@ -367,11 +380,17 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
         yield _path("    ", f"{again} {more}   # {why}")
 
 
-def _nearest(near: NearMisses) -> tuple[float, str]:
-    """Return the smallest gap of a run, m, and in words the gap and the time to collision."""
-    ttc, gap = near.ttc_s, near.distance_m
-    if gap is None:
+def _nearest(run: CaseRunOutcome | ChildOutcome) -> tuple[float, str]:
+    """Return how near a run came to a failure, smaller is nearer, and the same in words.
+
+    It is the smallest gap, m, with the time to collision; in a campaign with a goal, one minus the nearness to it.
+    """
+    if (goal := run.goal) is not None and goal.margin is not None and goal.time_s is not None:
+        return 1.0 - goal.nearness, f"{goal.name} kept by {goal.margin:.2f} {goal.unit} at {goal.time_s:.2f} s"
+    near: NearMisses | None = run.near if run.goal is None else None
+    if near is None or near.distance_m is None:
         return math.inf, ""
+    ttc, gap = near.ttc_s, near.distance_m
     words = f"{gap.value:.2f} m from {safe(gap.actor)} at {gap.time_s:.2f} s"
     return gap.value, words + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
 

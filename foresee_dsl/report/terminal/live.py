@@ -89,7 +89,7 @@ class Figures(Listener):
         """Return the number of children by kind of failure, in the order of the tables, without kinds that did not
         occur.
         """
-        kinds = (*FAILURES, Verdict.CRASH)
+        kinds = (*FAILURES, Verdict.GOAL, Verdict.CRASH)
         return {kind.value: self.verdicts[kind.value] for kind in kinds if self.verdicts[kind.value]}
 
     def line(self) -> str:

@@ -11,7 +11,7 @@ from foresee_dsl.avoidance.judge import R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.results import CampaignResult, FamilyRow
 from foresee_dsl.report.terminal.tables import duration, plain_table
-from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
+from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 
 FAMILY_TITLES = {
     "3": "crossing actor",
@@ -30,7 +30,7 @@ def raw_numbers(result: CampaignResult) -> list[Text | Table]:
     kinds = ", ".join(f"{kind.value} {kind.label}" for kind in COLLISIONS)
     return [
         _counts_table(rows),
-        _failures_table(rows),
+        _failures_table(rows, result.kinds),
         *([_avoidable_table(result)] if total.failed else []),
         Text(f"{kinds};\nper risky point that was clipped, per simulated hour", style="dim"),
         _fidelity_line(result),
@@ -55,10 +55,10 @@ def _counts_table(rows: Sequence[FamilyRow]) -> Table:
     return table
 
 
-def _failures_table(rows: Sequence[FamilyRow]) -> Table:
+def _failures_table(rows: Sequence[FamilyRow], kinds: Sequence[Verdict]) -> Table:
     table = plain_table(
-        ("scenario family", *(kind.value for kind in FAILURES), "all", "per point", "per hour"),
-        ((_family(r), *(_dim_zero(r.failures[kind.value]) for kind in FAILURES), f"[bold]{r.failed}[/bold]",
+        ("scenario family", *(kind.value for kind in kinds), "all", "per point", "per hour"),
+        ((_family(r), *(_dim_zero(r.failures[kind.value]) for kind in kinds), f"[bold]{r.failed}[/bold]",
           f"{r.per_risky_point:.2f}", f"{r.per_simulated_hour:.0f}") for r in rows),
         title="\nFailures of children",
         gap=1,
@@ -68,9 +68,9 @@ def _failures_table(rows: Sequence[FamilyRow]) -> Table:
 
 
 def _avoidable_table(result: CampaignResult) -> Table:
-    by_kind, everything = [result.avoidable(kind) for kind in FAILURES], result.avoidable()
+    by_kind, everything = [result.avoidable(kind) for kind in result.kinds], result.avoidable()
     return plain_table(
-        ("", *(kind.value for kind in FAILURES), "all"),
+        ("", *(kind.value for kind in result.kinds), "all"),
         ((answer.value, *(_dim_zero(counts[answer]) for counts in by_kind), f"[bold]{everything[answer]}[/bold]")
          for answer in Preventable),
         title=f"\nFor {R157}",

@@ -9,9 +9,8 @@ from collections.abc import Callable
 from foresee_dsl.campaign.allocation.rounds import Round
 from foresee_dsl.campaign.node import AnyStep
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import STEPS
+from foresee_dsl.campaign.stages import FAILED, STEPS
 from foresee_dsl.campaign.storage.store import Row
-from foresee_dsl.simulate.results.verdict import FAILURES
 
 _STEPS = {step.kind: step for step in STEPS}
 
@@ -88,7 +87,7 @@ class TimeLeft:
     def done(self, row: Row, *, new: bool) -> None:
         """Count a finished run; `new`: whether it was run now, not taken from the store."""
         self._finished[row.kind] += 1
-        self._failed[row.kind] += row.verdict in FAILURES
+        self._failed[row.kind] += row.verdict in FAILED
         if new:
             self._here[row.kind] += 1
             self._wall_s[row.kind] += row.wall_s

@@ -12,6 +12,7 @@ from typing import Literal, Self
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.following import Deviation
 from foresee_dsl.notebooks import Displayed
+from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
 from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.rules.infraction import Infraction
@@ -27,7 +28,7 @@ class Verdict(StrEnum):
     Attributes:
         label: its name in tables, a few words.
         is_collision: whether it is one of F1 to F5.
-        is_failure: whether it is a failure of the software under test: F1 to F5, stuck, or rule.
+        is_failure: whether it is a failure of the software under test: F1 to F5, stuck, rule, or goal.
         style: style of the text in a terminal.
         contact: name of the contact in a run's reason, with braces for the other actor.
     """
@@ -56,6 +57,7 @@ class Verdict(StrEnum):
     F5 = "F5", "rear", "collision", "bold red", "rear collision with {}"
     STUCK = "stuck", "stood with nothing to wait for", "failure"
     RULE = "rule", "broke a traffic rule", "failure"
+    GOAL = "goal", "broke the goal of its campaign", "failure"
     TIMEOUT = "timeout", "did not arrive in time", "", "bold yellow"
     CRASH = "crash", "the driver or the simulator broke, not the car"
     INVALID = "invalid", "a collision at the first frame"
@@ -69,8 +71,11 @@ def passes(verdict: Verdict, broken: Sequence[str] = ()) -> bool:
 EXPECTATION = "expectation"
 """Text that reports show instead of the verdict `pass` if an expectation does not hold."""
 COLLISIONS = tuple(verdict for verdict in Verdict if verdict.is_collision)
-FAILURES = tuple(verdict for verdict in Verdict if verdict.is_failure)
-"""The verdicts that count as failures, in the order in which tables list them."""
+FAILURES: tuple[Verdict, ...] = tuple(
+    verdict for verdict in Verdict if verdict.is_failure and verdict is not Verdict.GOAL
+)
+"""The verdicts that count as failures in every run, in the order in which tables list them; `goal` exists only in
+campaigns with a goal."""
 
 
 @dataclass(frozen=True)
@@ -223,6 +228,8 @@ class RunResult(Displayed):
     """What the developer of the driver may want to know: the driver's output, exception, or hang."""
     infractions: tuple[Infraction, ...] = ()
     """The traffic rules that the ego broke, in the order of time."""
+    goal: GoalMargin | None = None
+    """How near the run came to breaking its test case's goal; None without a goal."""
     tracking: Deviation | None = None
     """How far the ego was from its driver's trajectories; None if the driver answered controls only."""
     unfired: tuple[UnfiredTrigger, ...] = ()

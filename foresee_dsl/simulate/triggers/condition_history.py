@@ -5,8 +5,9 @@ scenario.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from foresee_dsl.language.model import (
     Both,
@@ -24,6 +25,7 @@ from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions, every, some
@@ -156,9 +158,13 @@ class Expectations:
     `never` and `always` must hold at every frame with an outcome, `eventually` at one (within its time).
     """
 
-    def __init__(self, expects: Sequence[Expect], conditions: Conditions) -> None:
+    def __init__(self, expects: Sequence[Expect], conditions: Conditions, goal: str = "") -> None:
+        """Follow expectations; of the one with the label `goal`, the margin at every frame is recorded."""
         self._watched = self._open = [_Watched(expect, conditions) for expect in expects]
         self._conditions = conditions
+        self._goal = next(
+            (_GoalHistory(expect, conditions) for expect in expects if goal and expect.name == goal), None
+        )
 
     def look(self, time_s: float, *, ego_hit: bool) -> None:
         """Evaluate a frame; `ego_hit`: whether the ego touches another actor (already computed by the judge)."""
@@ -167,11 +173,55 @@ class Expectations:
             watched.look(time_s)
             if watched.settled:
                 self._open = [other for other in self._open if other is not watched]
+        if self._goal is not None:
+            self._goal.look(time_s)
         self._conditions.ego_hit = None
 
     def results(self) -> tuple[ExpectationResult, ...]:
         """Return the result of each expectation, in the scenario's order."""
         return tuple(watched.result() for watched in self._watched)
+
+    def goal(self) -> GoalSeries | None:
+        """Return the margin of the goal at every frame; None if no expectation has its label."""
+        return self._goal.series() if self._goal is not None else None
+
+
+class _GoalHistory:
+    """The margin of one expectation at every frame of a run.
+
+    A collision that must not happen has no margin as a condition; here its margin is the distance to the nearest actor.
+    """
+
+    def __init__(self, expect: Expect, conditions: Conditions) -> None:
+        self._expect, self._watch = expect, Watch(expect.condition, conditions)
+        self._until = math.inf if expect.within is None else si_of(expect.within) + 1e-9
+        collides = isinstance(expect.condition, Predicate) and expect.condition.what == "collision"
+        self._contact = kind_of(expect.condition, conditions) if collides and expect.mode == "never" else None
+        self._outcomes: list[ConditionOutcome | None] = []
+
+    def look(self, time_s: float) -> None:
+        """Add the margin of a frame."""
+        outcome = self._watch.look() if time_s <= self._until else None
+        if outcome is not None and self._expect.mode == "never":
+            outcome = outcome.negated()
+        if outcome is not None and self._contact is not None and (away := self._contact.away()) is not None:
+            outcome = replace(outcome, margin=away[0], unit="m", dimension="length")
+        self._outcomes.append(outcome)
+
+    def series(self) -> GoalSeries:
+        """Return the margins in the dimension of the first frame that breaks the expectation; if none does, in the most
+        frequent one. Margins of other dimensions cannot be compared with them and are left out.
+        """
+        numbers = [outcome for outcome in self._outcomes if outcome is not None and math.isfinite(outcome.margin)]
+        broken = next((outcome.dimension for outcome in numbers if not outcome.held), None)
+        counts = Counter(outcome.dimension for outcome in numbers)
+        dimension = broken or next((name for name, _ in counts.most_common(1)), "")
+        unit = next((outcome.unit for outcome in numbers if outcome.dimension == dimension), "")
+        margins = [
+            outcome.margin if outcome is not None and outcome.dimension == dimension else math.nan
+            for outcome in self._outcomes
+        ]
+        return GoalSeries.of(self._expect, dimension, unit, margins)
 
 
 class _Watched:

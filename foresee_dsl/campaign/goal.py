@@ -1,0 +1,63 @@
+"""The goal of a campaign: which test cases have it, and how many of its runs break it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.messages.suggest import closest
+from foresee_dsl.language.model import Expect
+from foresee_dsl.language.project.document import TestCase
+
+
+@dataclass(frozen=True)
+class GoalCounts:
+    """How many runs of a campaign break its goal.
+
+    Attributes:
+        name: the goal. test_cases: number of test cases that break it without mutation.
+        children, findings: number of children that break it, and of findings whose representative does.
+        others: number of failing children that keep it.
+    """
+
+    name: str
+    test_cases: int
+    children: int
+    findings: int
+    others: int
+
+
+def with_goal(cases: Sequence[TestCase], goal: str) -> list[TestCase]:
+    """Return the test cases that have an expectation of this name, with it as their goal; all of them without a goal.
+
+    Raises:
+        ForeseeError: none of them has it, or clips do not check it.
+    """
+    if not goal:
+        return list(cases)
+    named = [(case, expect) for case in cases for expect in case.scenario.all(Expect) if expect.name == goal]
+    if not named:
+        labels = sorted({e.name for case in cases for e in case.scenario.all(Expect) if e.name is not None})
+        near = closest(goal, labels)
+        advice = f"did you mean '{near}'?" if near else f"their labels: {', '.join(labels)}" if labels else _UNLABELLED
+        raise ForeseeError(f"no test case has an expectation called '{goal}': {advice}")
+    lasting = [case for case, expect in named if expect.mode != "eventually"]
+    if not lasting:
+        raise ForeseeError(
+            f"'{goal}' is an `expect eventually`, which clips do not check, because it may hold before a clip begins; "
+            "a goal is an `expect always` or `expect never`"
+        )
+    return [replace(case, goal=goal) for case in lasting]
+
+
+def left_out(cases: Sequence[TestCase], goal: str) -> str:
+    """Return the note on test cases that a campaign with this goal leaves out; "" if there are none."""
+    count = len(cases) - len(with_goal(cases, goal))
+    if not count:
+        return ""
+    has, is_ = ("test case has", "is") if count == 1 else ("test cases have", "are")
+    return f"{count} of {len(cases)} {has} no `expect {goal}: always ...` (or `never`) and {is_} left out"
+
+
+_UNLABELLED = "they have no labels: write `expect NAME: always ...`"
