@@ -138,4 +138,4 @@ if __name__ == "__main__":  # python tests/test_words.py [PATH...]: lists all pl
     for hit in every_place():
         place, _, word = hit
         if not allowed(hit) and (not sys.argv[1:] or any(place.startswith(start) for start in sys.argv[1:])):
-            print(f"{place}: {word!r}")
+            print(f"{place}: {word!r}")  # noqa: T201
