@@ -126,6 +126,15 @@ def test_what_cannot_be_read_is_an_error(tmp_path: Path, text: str, message: str
 NET = '<net><location netOffset="-385000.00,-5819000.00" projParameter="{}"/></net>'
 
 
+def test_sizes_are_in_the_files_that_sumos_configuration_names(tmp_path: Path) -> None:
+    (tmp_path / "cars.xml").write_text('<routes><vType id="car" length="4" width="1.7"/></routes>')
+    (tmp_path / "broken.xml").write_text("<routes>")
+    comment = '<!-- generated on <route-files value="C:\\x\\cars.xml, broken.xml"/><fcd-output value="a"/> -->'
+    recording = reading(tmp_path, comment + fcd(*((k, vehicle("a", 10 * k, 0)) for k in range(3))))
+    assert (recording.tracks[0].length_m, recording.tracks[0].states[1, 0]) == (4.0, 8.0)
+    assert len(recording.notes) == 1 and recording.notes[0].startswith("The types in broken.xml were not read:")
+
+
 @pytest.mark.parametrize("comment", ["", '<!-- generated on <fcd-output.geo value="true"/> -->'])
 def test_degrees_are_projected_into_the_zone_of_the_network(tmp_path: Path, comment: str) -> None:
     """The place in zone 33 is that of pyproj 3.7.2."""

@@ -48,6 +48,7 @@ _TYPE_ROOTS = ("routes", "additional", "additionals")
 _HEAD_BYTES = 1 << 16
 """Bytes in which the root is looked for. Ours: SUMO may write its configuration as a comment before it."""
 _TYPE_FILES = ("*.rou.xml", "*.add.xml", "*.vtypes.xml", "*.rou.xml.gz", "*.add.xml.gz")
+_NAMED = re.compile(r'<(?:route-files|additional-files)\s+value="([^"]*)"')
 _USUAL_CLASSES: Mapping[str, str] = {"car": "passenger", "van": "delivery", "pedestrian": "pedestrian"}
 """SUMO's classes whose sizes stand for those of our kinds, where the two have other names."""
 
@@ -157,17 +158,23 @@ def _usual_shape(type_: str) -> Shape | None:
 
 
 def types_beside(path: Path, samples: Samples) -> dict[str, Shape]:
-    """Return the shapes of the vehicle types in the route and additional files in a file's folder, by type.
+    """Return the shapes of the vehicle types in the route and additional files in a file's folder, by type: those that
+    SUMO's configuration names, which is a comment at the top, and those with usual names.
 
     A file that cannot be read is noted, and its types are not known.
     """
     shapes: dict[str, Shape] = {}
-    for pattern in _TYPE_FILES:
-        for file in sorted(path.parent.glob(pattern)):
-            try:
-                shapes.update(_types_of(file))
-            except RecordingError as err:
-                samples.note(f"The types in {file.name} were not read: {err}")
+    head = head_of(path, _HEAD_BYTES).decode("utf-8", "replace")
+    named = (name for value in _NAMED.findall(head) for name in re.split(r"[,;]", value))
+    files = [path.with_name(re.split(r"[/\\]", name.strip())[-1]) for name in named if name.strip()]
+    files += [file for pattern in _TYPE_FILES for file in sorted(path.parent.glob(pattern))]
+    for file in dict.fromkeys(files):
+        if not file.is_file():
+            continue
+        try:
+            shapes.update(_types_of(file))
+        except RecordingError as err:
+            samples.note(f"The types in {file.name} were not read: {err}")
     return shapes
 
 
