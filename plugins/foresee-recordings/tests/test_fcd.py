@@ -143,7 +143,8 @@ NET = '<net><location netOffset="-385000.00,-5819000.00" projParameter="{}"/></n
 def test_sizes_are_in_the_files_that_sumos_configuration_names(tmp_path: Path) -> None:
     (tmp_path / "cars.xml").write_text('<routes><vType id="car" length="4" width="1.7"/></routes>')
     (tmp_path / "broken.xml").write_text("<routes>")
-    comment = '<!-- generated on <route-files value="C:\\x\\cars.xml, broken.xml"/><fcd-output value="a"/> -->'
+    files = "C:\\x\\cars.xml, broken.xml, .., /, none.xml"
+    comment = f'<!-- generated on <route-files value="{files}"/><fcd-output value="a"/> -->'
     recording = reading(tmp_path, comment + fcd(*((k, vehicle("a", 10 * k, 0)) for k in range(3))))
     assert (recording.tracks[0].length_m, recording.tracks[0].states[1, 0]) == (4.0, 8.0)
     assert len(recording.notes) == 1 and recording.notes[0].startswith("The types in broken.xml were not read:")

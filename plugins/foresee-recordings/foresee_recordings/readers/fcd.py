@@ -156,8 +156,9 @@ def types_beside(path: Path, samples: Samples) -> dict[str, Shape]:
     """
     shapes: dict[str, Shape] = {}
     head = head_of(path, _HEAD_BYTES).decode("utf-8", "replace")
-    named = (name for value in _NAMED.findall(head) for name in re.split(r"[,;]", value))
-    files = [path.with_name(re.split(r"[/\\]", name.strip())[-1]) for name in named if name.strip()]
+    paths = [part.strip() for value in _NAMED.findall(head) for part in re.split(r"[,;]", value)]
+    names = [re.split(r"[/\\]", part)[-1] for part in paths]  # of another machine: only files beside this one are read
+    files = [path.with_name(name) for name in names if name.endswith((".xml", ".xml.gz"))]
     files += [file for pattern in _TYPE_FILES for file in sorted(path.parent.glob(pattern))]
     for file in dict.fromkeys(files):
         if not file.is_file():
