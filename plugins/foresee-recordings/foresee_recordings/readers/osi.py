@@ -56,7 +56,7 @@ class OsiReader:
         if osi_files.is_parquet(request.path):
             return _read_parquet(request, samples)
         trace = osi_files.Trace(request.path)
-        objects, lights = _Objects(samples), Lights()
+        objects, lights = _Objects(samples), Lights(samples.take_room)
         for message in trace.ground_truths():
             time_s = message.timestamp.seconds + message.timestamp.nanos / 1e9
             objects.add(message, time_s)
