@@ -91,6 +91,8 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
     }
 )
 """The named situations, in the order in which they are listed."""
+DEFAULT = tuple(name for name in SITUATIONS if name != "near_miss")
+"""Situations that are searched for if none is named; a near miss is a `low_ttc` or `low_pet` too."""
 
 
 def situation_of(name: str) -> Named:
