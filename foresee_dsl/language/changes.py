@@ -140,6 +140,8 @@ def _of_actor(
     if isinstance(actor, m.Ego) and not rule.for_ego:
         message = f"the ego's {change.property} cannot change, because the driver under test drives it"
         raise _RefusedError("actor", BAD_CHANGE, message, "name another actor")
+    if isinstance(actor, m.Actor) and _item_of(actor, m.Track) is not None:
+        _check_beside_track(change, rule)
     has = _had(actor, change.property, rule)
     if has is None:
         message = f"{actor.name} has no {change.property} that can change"
@@ -149,6 +151,16 @@ def _of_actor(
     if isinstance(now, m.Quantity) and change.property != "model" and not rule.accepts(now.si):
         raise _RefusedError("now", BAD_CHANGE, f"{_label(change)} cannot be {value_text(now)}", rule.needs)
     return actor, _changed(actor, change, now, rule)
+
+
+def _check_beside_track(change: m.Change, rule: m.Property) -> None:
+    """Refuse a change of what the recorded track of an actor decides."""
+    if rule.statement is not None and rule.statement[0] not in m.BESIDE_TRACK:
+        message = f"{change.actor} follows its track, so its {change.property} cannot change"
+        raise _RefusedError("property", BAD_CHANGE, message, "change its timing, delay, line, brakes or model")
+    if change.property == "line" and (change.start is not None or change.duration is not None):
+        message = f"{change.actor} follows its track, so its line cannot have times"
+        raise _RefusedError("start" if change.start is not None else "duration", BAD_CHANGE, message, "leave them out")
 
 
 def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.VehicleModel | None) -> Participant:

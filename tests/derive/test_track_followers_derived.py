@@ -21,6 +21,7 @@ from foresee_dsl.derive.operators.situation import Situation
 from foresee_dsl.derive.presets import FOCUSED
 from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.drivers.idm import IdmDriver
+from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.meaning import pin_of
@@ -202,6 +203,21 @@ def load_again(case: TestCase, mutant: TestCase) -> TestCase:
     again = load_test_case(file)
     assert again.scenario.actors == case.scenario.actors
     return again
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("v117.steer: 0.00 => 0.10", "v117 follows its track, so its steer cannot change"),
+        ("v117.speed: 8 m/s => 9 m/s", "v117 follows its track, so its speed cannot change"),
+        ("v117.ignores: nothing => signals", "v117 follows its track, so its ignores cannot change"),
+        ("v117.line: 0 m => 0.5 m from 1.00 s for 1.00 s", "v117 follows its track, so its line cannot have times"),
+    ],
+)
+def test_a_mutant_cannot_change_what_the_track_decides(line: str, message: str, early: tuple[TestCase, Trace]) -> None:
+    with pytest.raises(InputError) as raised:
+        child_of(early[0], line)
+    assert [(d.code, d.message) for d in raised.value.diagnostics] == [("FS124", message)]
 
 
 def test_a_model_swap_keeps_the_track(early: tuple[TestCase, Trace]) -> None:

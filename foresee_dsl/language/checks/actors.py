@@ -17,8 +17,6 @@ from foresee_dsl.language.traversal import walk
 _PATHS = ("path", "path_along")
 _WAYS = ("route", "edge_route", *_PATHS)
 _PASSING_CLASSES = ("bicycle", "motorcycle")
-_BESIDE_TRACK = (m.Track, m.Joins, m.Timing, m.Delay, m.Line, m.Brakes, m.StartSpeed)
-"""Statements of an actor that follows a recorded track. A `start speed` is in clips, for an actor that has braked."""
 _SET_LINE = (m.ChangesLine, m.KeepsBeside, m.FollowsPath, m.Reverses)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
@@ -103,7 +101,7 @@ def _check_track(findings: Findings, actor: m.Ego | m.Actor) -> None:
         help = "the track gives it its position: leave the other one out"
         findings.add(actor, "", "FS042", f"'{actor.name}' has a position and a track", help, head_only=True)
     for item in actor.body:
-        if not isinstance(item, _BESIDE_TRACK):
+        if not isinstance(item, m.BESIDE_TRACK):
             what = written(item).split("(")[0].split("[")[0].strip()
             message = f"'{actor.name}' follows its track, so it cannot have `{what}`"
             findings.add(item, "", "FS042", message, remove("remove it") + ", or the track")

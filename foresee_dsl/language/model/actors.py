@@ -284,6 +284,10 @@ class Brakes(Item):
     duration: v.Time | None = None
 
 
+BESIDE_TRACK = (Track, Joins, StartSpeed, Timing, Delay, Line, Brakes)
+"""The statements of an actor that follows a recorded track; clips state a `start speed` if it has braked."""
+
+
 class PassesInLane(Item):
     """`passes in lane`: a bicycle or motorcycle keeps to the right of its lane and passes vehicles within that lane if
     the lane is wide enough: at a red light it goes past the queue.

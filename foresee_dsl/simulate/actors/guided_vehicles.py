@@ -79,10 +79,12 @@ class GuidedVehicle(SumoVehicle):
 
     def join_from_track(self, kind: LaneKind) -> None:
         """Find the way that the vehicle takes when it leaves its track here; there is none if its lanes are too far
-        away."""
-        edges = self.placed.route
+        away.
+
+        The way begins on the lane nearest to its front, as that of a vehicle in a clip does.
+        """
         with contextlib.suppress(RouteError):
-            self.route, self.way = joined_way(self._roads, edges, (self.x, self.y), kind)
+            self.route, self.way = joined_way(self._roads, self.placed.route, self.front, kind)
             self.ends_m = 0.0
 
     def follow(

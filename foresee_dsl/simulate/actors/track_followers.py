@@ -29,7 +29,7 @@ class TrackClock:
     braked, the clock runs slower in proportion.
 
     Attributes:
-        time_s: the time of the track at which the actor is now, s. speed_mps: the actor's speed, m/s.
+        time_s: the time of the track at which the actor is now, s.
     """
 
     def __init__(self, playback: Playback) -> None:
@@ -37,7 +37,7 @@ class TrackClock:
         self.time_s, self._now_s = playback.start_s, 0.0
         self._slow_mps = playback.speed_mps
         """Its speed while it is slower than its track; None while it is as fast."""
-        self.speed_mps = self._speed()
+        self._state: TrackState | None = None
 
     def step(self) -> None:
         """Advance by a step of the run."""
@@ -48,15 +48,23 @@ class TrackClock:
             rate = 0.0
         elif playback.brakes is not None or self._slow_mps is not None:
             rate = self._rate()
-        self.time_s = round(self.time_s + rate * STEP_S, _DIGITS)
-        self.speed_mps = self._speed()
+        self.time_s, self._state = round(self.time_s + rate * STEP_S, _DIGITS), None
+
+    @property
+    def state(self) -> TrackState:
+        """The state of the track at this time."""
+        if self._state is None:
+            self._state = self._playback.track.at(self.time_s)
+        return self._state
 
     @property
     def is_slow(self) -> bool:
         """Whether the actor is slower than its track, because it brakes or has braked."""
         return self._slow_mps is not None
 
-    def _speed(self) -> float:
+    @property
+    def speed_mps(self) -> float:
+        """The actor's speed, m/s."""
         if self._now_s < self._playback.delay_s - STEP_S / 100:
             return 0.0
         full_mps = self._full_mps()
@@ -64,7 +72,7 @@ class TrackClock:
 
     def _full_mps(self) -> float:
         """Return the speed of an actor that does not brake, m/s."""
-        return self._playback.track.at(self.time_s).speed_mps * self._playback.timing
+        return self.state.speed_mps * self._playback.timing
 
     def _rate(self) -> float:
         """Return how fast the clock runs in this step; set whether the actor is slower than its track."""
@@ -119,7 +127,7 @@ class TrackActor(PathActor):
 
     def _state(self) -> TrackState:
         """Return its present state, moved to its line."""
-        state, left_m = self.playback.track.at(self.clock.time_s), self.playback.left_m
+        state, left_m = self.clock.state, self.playback.left_m
         if left_m == 0.0:
             return state
         share = min(max((state.along_m - self._over_m) / LINE_OVER_M, 0.0), 1.0)
