@@ -43,18 +43,31 @@ def fcd(file: Path) -> Iterator[Sample]:
     """Yield the centres of SUMO's vehicles and pedestrians: positions are those of their fronts.
 
     SUMO's angle is in degrees, clockwise from north. Lengths are those of the types in the files beside it, otherwise
-    5 m, as those of SUMO's usual type.
+    5 m, as those of SUMO's usual type. Degrees are projected by pyproj, which has to be installed for such files.
     """
+    to_m = None
     lengths = {}
-    for types in [*file.parent.glob("*.rou.xml"), *file.parent.glob("*.add.xml")]:
+    for types in [*file.parent.glob("*.rou*.xml"), *file.parent.glob("*.add.xml")]:
         for type_ in parse(types).getroot().iter("vType"):
             lengths[type_.get("id")] = float(type_.get("length", "5"))
     for step in parse(file).getroot().iter("timestep"):
         for actor in step:
+            if to_m is None:
+                to_m = _projection(file, float(actor.get("x")), float(actor.get("y")))
             half = lengths.get(actor.get("type"), 5.0) / 2
             angle = math.radians(float(actor.get("angle")))
-            x, y = float(actor.get("x")) - half * math.sin(angle), float(actor.get("y")) - half * math.cos(angle)
-            yield actor.get("id"), float(step.get("time")), x, y
+            x, y = to_m(float(actor.get("x")), float(actor.get("y")))
+            yield actor.get("id"), float(step.get("time")), x - half * math.sin(angle), y - half * math.cos(angle)
+
+
+def _projection(file: Path, x: float, y: float) -> Callable[[float, float], tuple[float, float]]:
+    """Return what turns positions into metres: into those of the UTM zone of the first one, if they are degrees."""
+    if '<fcd-output.geo value="true"' not in file.read_text(encoding="utf-8")[:5000]:
+        return lambda x, y: (x, y)
+    from pyproj import Transformer
+
+    zone = f"EPSG:{32600 + int((x + 180) // 6) + 1 + (100 if y < 0 else 0)}"
+    return Transformer.from_crs("EPSG:4326", zone, always_xy=True).transform
 
 
 def esmini(file: Path) -> Iterator[Sample]:
@@ -77,7 +90,13 @@ def esmini(file: Path) -> Iterator[Sample]:
 
 
 def osi(file: Path) -> Iterator[Sample]:
-    """Yield the centres of moving objects: by osi-python's reader, or by the schema in an MCAP file."""
+    """Yield the centres of moving objects: by osi-python's reader, an MCAP file's schema, or omega-prime's columns."""
+    if file.suffix == ".parquet":
+        from pyarrow import parquet
+
+        for row in parquet.read_table(file, columns=["idx", "total_nanos", "x", "y"]).to_pylist():
+            yield str(row["idx"]), row["total_nanos"] / 1e9, row["x"], row["y"]
+        return
     if file.suffix == ".osi":
         from osi3trace.osi_trace import OSITrace
 

@@ -111,7 +111,7 @@ def test_damaged_scenarios_are_errors(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="the values of column position_x are string, not numbers"):
         read(Request(scenario(tmp_path, position_x=["1"] * 30)))
     file = scenario(tmp_path, heading=[None] * 30)
-    assert "actors without headings, which are those of their motion" in read(Request(file)).left_out
+    assert "2 actors have no headings: those of their motion are used." in read(Request(file)).notes
     data = file.read_bytes()
     for damaged in (data[:40], data[:-50] + b"\x00" * 50):
         file.write_bytes(damaged)

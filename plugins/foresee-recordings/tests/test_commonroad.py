@@ -68,7 +68,7 @@ def test_directions_and_speeds_that_are_missing_come_from_the_motion(road: Recor
     states = road.track("32").states
     np.testing.assert_allclose(states[:, 2], math.pi / 2)
     np.testing.assert_allclose(states[:, 3], 1.5)
-    assert road.left_out["actors without headings, which are those of their motion"] == 1
+    assert "1 actor has no headings: those of their motion are used." in road.notes
 
 
 def test_everything_that_is_dropped_is_counted(road: Recording) -> None:
@@ -77,8 +77,6 @@ def test_everything_that_is_dropped_is_counted(road: Recording) -> None:
         "occupancies (predicted areas in place of positions)": 1,
         "planning problems (the start and goal of a planner, not recorded traffic)": 1,
         "single samples without others of their actor beside them": 1,  # the one with occupancies
-        "actors without headings, which are those of their motion": 1,
-        "actors without speeds, which are those of their positions": 1,
     }
     assert road.roads is not None
     assert road.roads.notes == (

@@ -24,6 +24,7 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import InputError
 from foresee_dsl.exchange.outcome import Imported
+from foresee_dsl.exchange.signal_heads import heads_of
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.plugins import BESIDE, package_of
@@ -82,7 +83,10 @@ def test_commonroad_reads_back_with_its_lanelets(run: Recording, tmp_path: Path)
     ego = back.track("1").states[0, :2] + back.roads.offset
     nearest = min(np.hypot(*(np.asarray(lane.shape)[:, :2] - ego).T).min() for lane in network.lanes.values())
     assert nearest < 60.0
-    original = compile_test_case(load_test_case(CASE)).network
+    bundle = compile_test_case(load_test_case(CASE))
+    assert len(back.signals) == len(heads_of(bundle.network, bundle.signals)) > 20
+    assert {colour for signal in back.signals for colour in signal.colours} == {"red", "green"}
+    original = bundle.network
     assert limits(network) == limits(original) and len(limits(network)) > 2
 
 

@@ -14,6 +14,7 @@ import pytest
 from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Recording, RecordingError
 
+PROGRAMS = Path(sys.executable).parent
 HEAD = '<fcd-export xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">\n'
 
 
@@ -46,9 +47,14 @@ def test_the_front_becomes_the_centre_and_an_angle_from_north_one_from_east(tmp_
     assert (recording.format, recording.name, len(recording.sha256)) == ("fcd", "run", 64)
 
 
+def run_sumo(folder: Path, output: str) -> None:
+    files = ("-n", "n.net.xml", "-r", "t.rou.xml", "--fcd-output", output)
+    command = [PROGRAMS / "sumo", *files, "--step-length", "0.1"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+
+
 def test_a_real_run_has_the_centres_of_sumo(tmp_path: Path) -> None:
     """SUMO drives around a corner; its places at 4 s are shifted here by hand."""
-    folder = Path(sys.executable).parent
     (tmp_path / "n.nod.xml").write_text(
         '<nodes><node id="a" x="0" y="0"/><node id="b" x="90" y="0"/><node id="c" x="90" y="60"/></nodes>'
     )
@@ -61,12 +67,20 @@ def test_a_real_run_has_the_centres_of_sumo(tmp_path: Path) -> None:
         '<person id="p" depart="0"><walk edges="e"/></person>'
         '<vehicle id="w" type="DEFAULT_BIKETYPE" route="r" depart="3"/></routes>'
     )
-    for command in (
-        ("netconvert", "-n", "n.nod.xml", "-e", "n.edg.xml", "-o", "n.net.xml"),
-        ("sumo", "-n", "n.net.xml", "-r", "t.rou.xml", "--step-length", "0.1", "--fcd-output", "out.fcd.xml"),
-    ):
-        subprocess.run([folder / command[0], *command[1:]], cwd=tmp_path, check=True, capture_output=True)
+    command = [PROGRAMS / "netconvert", "-n", "n.nod.xml", "-e", "n.edg.xml", "-o", "n.net.xml"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    run_sumo(tmp_path, "out.fcd.xml")
     recording = read(Request(tmp_path / "out.fcd.xml"))
+    for name in ("out.csv", "out.parquet"):
+        run_sumo(tmp_path, name)
+        if name.endswith("parquet"):
+            pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
+        same = read(Request(tmp_path / name))
+        assert same.format == "fcd" and [t.id for t in same.tracks] == [t.id for t in recording.tracks]
+        for track, other in zip(same.tracks, recording.tracks, strict=True):
+            assert track.kind == other.kind and track.states == pytest.approx(
+                other.states, abs=0.01
+            )  # XML and CSV have two digits
     assert {track.id: (track.kind, track.length_m, track.sized) for track in recording.tracks} == {
         "v": ("bus", 12.0, True), "w": ("bicycle", 1.6, True), "p": ("pedestrian", 0.215, True),
     }  # fmt: skip
@@ -124,6 +138,16 @@ def test_what_cannot_be_read_is_an_error(tmp_path: Path, text: str, message: str
 
 
 NET = '<net><location netOffset="-385000.00,-5819000.00" projParameter="{}"/></net>'
+
+
+def test_sizes_are_in_the_files_that_sumos_configuration_names(tmp_path: Path) -> None:
+    (tmp_path / "cars.xml").write_text('<routes><vType id="car" length="4" width="1.7"/></routes>')
+    (tmp_path / "broken.xml").write_text("<routes>")
+    files = "C:\\x\\cars.xml, broken.xml, .., /, none.xml"
+    comment = f'<!-- generated on <route-files value="{files}"/><fcd-output value="a"/> -->'
+    recording = reading(tmp_path, comment + fcd(*((k, vehicle("a", 10 * k, 0)) for k in range(3))))
+    assert (recording.tracks[0].length_m, recording.tracks[0].states[1, 0]) == (4.0, 8.0)
+    assert len(recording.notes) == 1 and recording.notes[0].startswith("The types in broken.xml were not read:")
 
 
 @pytest.mark.parametrize("comment", ["", '<!-- generated on <fcd-output.geo value="true"/> -->'])

@@ -41,8 +41,11 @@ def test_vehicles_and_pedestrians_are_read_with_the_map_of_their_place() -> None
     state = recording.track("1").at(1.55)
     assert state is not None
     np.testing.assert_allclose(state, [1019.5, 1001.75, 0.0, 10.0], atol=1e-9)
-    assert recording.notes == ("The data set does not tell pedestrians and cyclists apart: they are pedestrians.",)
-    assert recording.left_out == {"actors without headings, which are those of their motion": 1}
+    assert recording.notes == (
+        "The data set does not tell pedestrians and cyclists apart: they are pedestrians.",
+        "1 actor has no headings: those of their motion are used.",
+    )
+    assert recording.left_out == {}
     assert recording.roads is not None
     assert recording.roads.notes == (
         "left out of the map: 1 lanelets of the subtype walkway",

@@ -83,6 +83,24 @@ def test_lanes_lie_where_the_map_has_them(tmp_path: Path) -> None:
     assert off.max() < 0.11  # 0.1 m at both ends of the map is left out
 
 
+def test_a_kink_between_lanes_is_smoothed_so_that_vehicles_can_follow(tmp_path: Path) -> None:
+    lanes = lane_map(
+        lane("a", (-50, 0), (0, 0), successors=("b",)),
+        lane("b", (0, 0), (0.5, 1.0), successors=("c",)),  # shorter than a vehicle: a part of the junction
+        lane("c", (0.5, 1.0), (0.5, 50)),
+    )
+    roads = network(network_of(lanes), tmp_path)
+    assert set(roads.edges) == {"ea", "ec"}
+    assert not roads.faults
+    (way,) = roads.movements
+    line = np.array(roads.lanes[way.via[0]].shape)
+    assert roads.edges["ea"].lanes[0].shape[-1] == pytest.approx((-3.0, 0.0), abs=0.01)  # smoothed from here on
+    assert shapely.LineString(line).distance(shapely.Point(0, 0)) < 1.75  # within the lane
+    headings = np.unwrap(np.arctan2(*np.diff(line, axis=0).T[::-1]))
+    assert (np.diff(headings) > -0.01).all()  # it turns to the left only
+    assert (headings[0], headings[-1]) == pytest.approx((0.0, np.pi / 2), abs=0.2)
+
+
 def test_mistakes_of_a_map_are_counted(tmp_path: Path) -> None:
     lanes = lane_map(
         lane("a", (0, 0), (50, 0), successors=("b", "nowhere")),

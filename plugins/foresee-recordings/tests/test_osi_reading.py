@@ -117,10 +117,13 @@ def test_objects_and_signals_of_a_ground_truth(trace: Path) -> None:
     assert recording.left_out == {
         "samples of moving objects that are not road traffic": 5,
         "samples of stationary objects beside the road": 5,
-        "actors without headings, which are those of their motion": 1,
-        "actors without speeds, which are those of their positions": 1,
     }
-    assert recording.notes[0] == "The host vehicle is 7."
+    assert recording.notes == (
+        "The host vehicle is 7.",
+        "1 object has no size: that which is usual for the class is used.",
+        "1 actor has no headings: those of their motion are used.",
+        "1 actor has no speeds: those of their positions are used.",
+    )
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
@@ -193,3 +196,17 @@ def test_damaged_and_hostile_mcap_files_are_errors(tmp_path: Path, monkeypatch: 
         assert bomb.stat().st_size < 100_000
         with pytest.raises(RecordingError, match=r"a chunk has more than 0.5 MB when it is unpacked"):
             read(Request(bomb))
+
+
+def test_signals_and_lanes_count_for_the_limit(trace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for message in (large := [GroundTruth.FromString(message.SerializeToString()) for message in MESSAGES]):
+        for k in range(300):
+            lane = message.lane.add()
+            lane.id.value = 1000 + k
+            lane.classification.centerline.add(x=k, y=0)
+    trace.write_bytes(binary(large))
+    monkeypatch.setenv("FORESEE_LIMITS", "recording=2000")
+    with pytest.raises(RecordingError, match=r"more than 2,000 samples"):
+        read(Request(trace))
+    monkeypatch.setenv("FORESEE_LIMITS", "recording=4000")
+    assert len(read(Request(trace)).signals) == 1

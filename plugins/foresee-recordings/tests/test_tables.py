@@ -123,11 +123,11 @@ def test_what_a_table_has_not_is_derived_and_said(tmp_path: Path) -> None:
     assert track.kind == "car" and not track.sized
     assert track.states[:, 2] == pytest.approx(np.zeros(9))  # also before its first motion
     assert track.states[[0, 7], 3] == pytest.approx([0.0, 10.0])
-    assert recording.left_out == {
-        "actors without headings, which are those of their motion": 1,
-        "actors without speeds, which are those of their positions": 1,
-    }
-    assert "1 actors have an unknown class ('blimp'): they are cars." in recording.notes
+    assert not recording.left_out and recording.notes[-2:] == (
+        "1 actor has no headings: those of their motion are used.",
+        "1 actor has no speeds: those of their positions are used.",
+    )
+    assert "1 actor has an unknown class ('blimp'): cars are assumed." in recording.notes
 
 
 @pytest.mark.parametrize(

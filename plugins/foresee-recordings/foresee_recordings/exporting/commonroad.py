@@ -1,4 +1,4 @@
-"""Runs as CommonRoad scenarios (XML, version 2020a): lanelets, speed limits, and an obstacle for each actor.
+"""Runs as CommonRoad scenarios (XML, version 2020a): lanelets, speed limits, signals, and an obstacle for each actor.
 
 The ego is the obstacle 1, in the motion of the run. The schema asks for a planning problem: it is the ego's, from its
 first state to its last place. A planner that solves it must leave obstacle 1 out.
@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.exchange.lanes import beside, lane_links, shifted
+from foresee_dsl.exchange.signal_heads import Head, heads_of, signal_states
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.exporting.runs import Run, lost_in_all, render
 from foresee_recordings.recording import FloatArray, Track
@@ -24,6 +25,10 @@ _TYPES: Mapping[str, str] = {
     "pedestrian": "pedestrian", "obstacle": "unknown",
 }  # fmt: skip
 """CommonRoad's types of obstacles for our kinds; it has none for vans."""
+_COLOURS: Mapping[str, str] = {"r": "red", "s": "red", "u": "redYellow", "y": "yellow", "g": "green", "G": "green"}
+"""CommonRoad's colours of SUMO's letters; others (off, flashing) are inactive."""
+_DIRECTIONS: Mapping[str, str] = {"ARROW_LEFT": "left", "ARROW_RIGHT": "right", "ARROW_STRAIGHT_AHEAD": "straight"}
+"""CommonRoad's directions of the icons of signal heads; others are for all."""
 _STILL_M = 1e-3
 """An obstacle that moves less is a static one, m. Ours."""
 
@@ -41,6 +46,17 @@ class _Lanelet(NamedTuple):
     type: str
     users: tuple[str, ...]
     sign: int | None
+    lights: list[int]
+
+
+class _Light(NamedTuple):
+    """A traffic light: its id, colours with their durations (time steps), place, m, direction, and lanes by id."""
+
+    id: int
+    cycle: list[tuple[int, str]]
+    place: tuple[float, float]
+    direction: str
+    lanes: tuple[str, ...]
 
 
 class _Obstacle(NamedTuple):
@@ -57,16 +73,23 @@ class _Obstacle(NamedTuple):
 def write(folder: Path, run: Run) -> None:
     """Write the file of a run."""
     obstacles = [_obstacle(k, track) for k, track in enumerate(run.recording.tracks, start=1)]
-    lanelets, signs = _lanelets(run.bundle.network, len(obstacles) + 1)
+    network = run.bundle.network
+    first_light = len(obstacles) + 1
+    signals = run.bundle.signals
+    states = [signal_states(signals, run.trace, frame) for frame in range(run.trace.frames)]
+    lights = [_light(first_light + k, head, states) for k, head in enumerate(heads_of(network, signals))]
+    first_lanelet = first_light + len(lights)
+    lanelets, signs = _lanelets(network, first_lanelet, lights)
     render(
         folder / f"{run.name}.xml",
         "commonroad.xml",
         benchmark=f"ZAM_{''.join(re.findall('[A-Za-z0-9]+', run.name.title())) or 'Run'}-1_1_T-1",
         step=STEP_S,
         ego=obstacles[0],
-        problem=len(obstacles) + len(lanelets) + len(signs) + 1,
+        problem=first_lanelet + len(lanelets) + len(signs),
         lanelets=lanelets,
         signs=signs,
+        lights=lights,
         still=[obstacle for obstacle in obstacles if obstacle.is_still],
         moving=[obstacle for obstacle in obstacles if not obstacle.is_still],
     )
@@ -76,7 +99,6 @@ def left_out(run: Run) -> Counter[str]:
     """Return counts of what the file does not express."""
     network, tracks = run.bundle.network, run.recording.tracks
     counts = {
-        "signals": len(run.bundle.signals),
         "buildings": len(network.buildings),
         "right of way at junctions": len({movement.junction for movement in network.movements}),
         "classes of vans, which are cars": sum(track.kind == "van" for track in tracks),
@@ -93,7 +115,19 @@ def _obstacle(id_: int, track: Track) -> _Obstacle:
     return _Obstacle(id_, _TYPES[track.kind], track.length_m, track.width_m, states, is_still)
 
 
-def _lanelets(network: RoadNetwork, first_id: int) -> tuple[list[_Lanelet], list[tuple[int, float]]]:
+def _light(id_: int, head: Head, states: Sequence[Mapping[str, str]]) -> _Light:
+    """Return the traffic light of a head, whose cycle is what it showed in the run: `states` of each frame by `tls`."""
+    cycle: list[tuple[int, str]] = []
+    for state in states:
+        colour = _COLOURS.get(state[head.tls][head.link], "inactive")
+        steps = cycle.pop()[0] if cycle and cycle[-1][1] == colour else 0
+        cycle.append((steps + 1, colour))
+    return _Light(id_, cycle, (head.x, head.y), _DIRECTIONS.get(head.icon, "all"), head.lanes)
+
+
+def _lanelets(
+    network: RoadNetwork, first_id: int, lights: Sequence[_Light]
+) -> tuple[list[_Lanelet], list[tuple[int, float]]]:
     """Return the lanes that have users, and the signs of their speed limits: id and limit, m/s."""
     lanes = [lane for lane in network.lanes.values() if lane.kinds and len(lane.shape) > 1]
     ids = {lane.id: first_id + k for k, lane in enumerate(lanes)}
@@ -118,6 +152,7 @@ def _lanelets(network: RoadNetwork, first_id: int) -> tuple[list[_Lanelet], list
                 type_,
                 users,
                 signs[lane.speed_mps] if _has_limit(lane) else None,
+                [light.id for light in lights if lane.id in light.lanes],
             )
         )
     return lanelets, [(id_, limit) for limit, id_ in signs.items()]

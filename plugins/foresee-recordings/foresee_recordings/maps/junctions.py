@@ -16,6 +16,9 @@ from foresee_recordings.recording import FloatArray, RecordingError
 _SHORT_M = 40.0
 """A road of at most this length that begins and ends at one junction lies inside it, m. Ours: turns for vehicles on the
 right that cross no lane are that long."""
+_LEAST_M = 1.5
+"""Roads between others that are shorter lie inside junctions, m. Ours: too short to smooth a kink at their ends; with 4
+m, vehicles on INTERACTION's roundabouts could not change lanes where they did."""
 _LONGEST_M = 500.0
 """Longest way through a junction, m. Ours: once around a large roundabout."""
 _MOST_WAYS = 200
@@ -137,6 +140,7 @@ def _joints(divided: Divided) -> _Joints:
 
 def _without_loops(divided: Divided) -> Divided:
     """Return a map in which no road begins and ends at one junction: short ones move inside, long ones are cut."""
+    divided = _without_short_roads(divided)
     joints = _joints(divided)
     roads: list[Group] = []
     inside = set(divided.inside)
@@ -155,6 +159,20 @@ def _without_loops(divided: Divided) -> Divided:
         source.update({name: source[id_] for parts in (first, second) for name, id_ in zip(parts, group, strict=True)})
         roads += [first, second]
     return replace(divided, roads=tuple(roads), inside=frozenset(inside), source=source)
+
+
+def _without_short_roads(divided: Divided) -> Divided:
+    """Return a map whose shortest roads lie inside junctions."""
+    short = {
+        group
+        for group in divided.roads
+        if all(
+            lane.predecessors and lane.successors and lane.length_m < _LEAST_M
+            for lane in (divided.lanes[id_] for id_ in group)
+        )
+    }
+    roads = tuple(group for group in divided.roads if group not in short)
+    return replace(divided, roads=roads, inside=divided.inside.union(*short)) if roads else divided
 
 
 def _ways(divided: Divided, at_lane: Mapping[str, tuple[str, int]], left_out: Counter[str]) -> Iterator[Way]:

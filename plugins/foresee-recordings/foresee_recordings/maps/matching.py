@@ -29,6 +29,9 @@ _TURN_M = 2.0
 """Cost of 1 rad of turn, in metres of distance. Ours: where lanes overlap, 30 degrees count like 1 m."""
 _CHANGE_COST = 1.0
 """Cost of a change to another lane of the same edge (ours: as 1 m of distance at one sample)."""
+_DETOUR, _DETOUR_M = 1.5, 20.0
+"""Longest way between two edges of a track, as a multiple of their distance, and added to it, m. Ours: a quarter of a
+circle is 1.1 times as long as its chord, half of one 1.6 times; a detour around a roundabout is longer."""
 _HOPS = 6
 """Largest number of lanes between two samples. Ours: where lanes touch, the lanes inside the junction are centimetres
 long, and two junctions may lie side by side."""
@@ -64,9 +67,9 @@ class _Lanes:
 def route_of(track: Track, roads: RoadNetwork, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[str, ...]:
     """Return the edges that a recorded vehicle drives along, in order; empty if it is never on a lane.
 
-    Consecutive edges are connected. If the vehicle leaves the network in between, the edges between are those of the
-    shortest way; without a way, only the longest part is returned. If the track begins or ends inside a junction, the
-    edge before or after the junction is included.
+    Consecutive edges are connected, and no edge comes twice. If the vehicle leaves the network in between, the edges
+    between are those of the shortest way; if that is none or a detour, only the longest part is returned. If the track
+    begins or ends inside a junction, the edge before or after the junction is included.
 
     Args:
         offset: `RecordedMap.offset`: x and y from the recording's coordinates to the network's, m.
@@ -74,9 +77,9 @@ def route_of(track: Track, roads: RoadNetwork, offset: tuple[float, float] = (0.
     kind = _KINDS.get(track.kind, "car")
     lanes = _lanes_of(roads, kind)
     places = lane_places(track, roads, offset)
-    runs: list[list[str]] = []
-    for run in places:
-        runs.append(_edges(roads, [lanes.lanes[number] for number in run]))
+    runs = [
+        _edges(roads, [lanes.lanes[k] for k in run], first=run is places[0], last=run is places[-1]) for run in places
+    ]
     return _joined(roads, runs, kind)
 
 
@@ -168,34 +171,46 @@ def _between(lanes: _Lanes, before: int, after: int) -> list[int]:
     return paths.get(after, (0.0, [after]))[1]
 
 
-def _edges(roads: RoadNetwork, run: Sequence[Lane]) -> list[str]:
-    """Return the edges of connected lanes; for a lane inside a junction at either end, the edge beyond it too."""
+def _edges(roads: RoadNetwork, run: Sequence[Lane], *, first: bool, last: bool) -> list[str]:
+    """Return the edges of connected lanes.
+
+    Of the first run, an edge before the junction in which it begins is included; of the last one, an edge behind that
+    in which it ends.
+    """
     edges = [lane.edge for lane in run if not lane.internal]
-    first, last = (roads.movements_through(run[k].id) if run[k].internal else () for k in (0, -1))
-    before = [m.from_edge for m in first if not edges or m.to_edge == edges[0]]
+    into = roads.movements_through(run[0].id) if first and run[0].internal else ()
+    out = roads.movements_through(run[-1].id) if last and run[-1].internal else ()
+    before = [m.from_edge for m in into if not edges or m.to_edge == edges[0]]
     edges = before[:1] + edges
-    return edges + [m.to_edge for m in last if edges and m.from_edge == edges[-1]][:1]
+    return edges + [m.to_edge for m in out if edges and m.from_edge == edges[-1]][:1]
 
 
 def _joined(roads: RoadNetwork, runs: list[list[str]], kind: LaneKind) -> tuple[str, ...]:
     """Return runs of edges joined by the shortest ways; without a way, the longest of the joined parts."""
     parts: list[list[str]] = []
     for edge in (edge for run in runs for edge in run):
-        if not parts:
-            parts.append([edge])
+        if parts and edge == parts[-1][-1]:
             continue
-        last = parts[-1][-1]
-        if edge == last:
-            continue
-        if any(m.to_edge == edge for m in roads.movements_from(last, kind)):
-            parts[-1].append(edge)
-            continue
-        try:
-            parts[-1] += shortest_route(roads, last, edge, kind)[1:]
-        except RouteError:
-            parts.append([edge])
-    longest = max((len(part) for part in parts), default=0)
-    return next((tuple(part) for part in parts if len(part) == longest), ())
+        between = _between_edges(roads, parts[-1][-1], edge, kind) if parts else None
+        if between is None or not set(parts[-1]).isdisjoint((*between, edge)):
+            parts.append([edge])  # an edge that a route uses twice would not mean a single place
+        else:
+            parts[-1] += [*between, edge]
+    lengths = [sum(roads.edges[edge].lanes[0].line.length_m for edge in part) for part in parts]
+    return tuple(parts[lengths.index(max(lengths))]) if parts else ()
+
+
+def _between_edges(roads: RoadNetwork, before: str, after: str, kind: LaneKind) -> tuple[str, ...] | None:
+    """Return the edges between two edges of a track; None if the way between them is a detour, or there is none."""
+    if any(m.to_edge == after for m in roads.movements_from(before, kind)):
+        return ()
+    try:
+        between = shortest_route(roads, before, after, kind)[1:-1]
+    except RouteError:
+        return None
+    gap_m = math.dist(roads.edges[before].lanes[0].shape[-1], roads.edges[after].lanes[0].shape[0])
+    length_m = sum(roads.edges[edge].lanes[0].line.length_m for edge in between)
+    return between if length_m <= _DETOUR * gap_m + _DETOUR_M else None
 
 
 @lru_cache(maxsize=8)

@@ -6,7 +6,7 @@ lanes disappear, and lanes that end beside each other run back and forth; so the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 import numpy as np
@@ -14,14 +14,11 @@ import shapely
 
 from foresee_dsl.compile.templates import number, polyline
 from foresee_recordings.maps.conflicts import Stream
+from foresee_recordings.maps.joined_lines import Lines, Move, length_of, lines_of
 from foresee_recordings.maps.junctions import Layout, Road, Way
-from foresee_recordings.maps.lanes import at_shares, without_repeats
+from foresee_recordings.maps.lanes import at_shares
 from foresee_recordings.recording import FloatArray
 
-_TRIM_M = 0.1
-"""Length by which a lane's ends are shortened, m. Ours: the lane between two lanes that touch then has a direction."""
-_LEAST_M = 1.0
-"""Lanes shorter than this keep half of their length, m (ours)."""
 _CLOSE_M = 1.0
 """Half of the widest gap between lanes inside a junction that belongs to the junction, m. Ours: the islands of
 intersections are wider."""
@@ -29,22 +26,18 @@ intersections are wider."""
 _STRAIGHT_M = 0.005
 """Points that change a line by less than this are left out, m. Ours: less than the lines' accuracy."""
 
-Points = Callable[[FloatArray], FloatArray]
-"""Moves points of the map to the network."""
 
-
-def set_lines(root: Element, layout: Layout, move: Points) -> list[Stream]:
+def set_lines(root: Element, layout: Layout, move: Move) -> list[Stream]:
     """Write the lines of a layout into the net that netconvert made of it, and return the ways through junctions."""
     lanes = {lane.get("id", ""): lane for lane in root.iterfind("edge/lane")}
-    ends: dict[tuple[str, int], FloatArray] = {}
+    lines = lines_of(layout, move)
     for road in layout.roads:
-        ends |= _set_road(lanes, road, move)
+        _set_road(lanes, road, lines)
     via = {_key(element): element.get("via", "") for element in root.iterfind("connection") if element.get("via")}
     bands: dict[int, list[shapely.Geometry]] = {}
     roads = {road.id: road for road in layout.roads}
     streams = []
-    for way in layout.ways:
-        line = without_repeats(_line(way, ends, move))
+    for way, line in lines.ways:
         chain = _chain(way, via)
         if len(line) < 2 or not all(id_ in lanes for id_ in chain) or not chain:
             continue
@@ -61,21 +54,14 @@ def set_lines(root: Element, layout: Layout, move: Points) -> list[Stream]:
     return streams
 
 
-def _set_road(lanes: Mapping[str, Element], road: Road, move: Points) -> dict[tuple[str, int], FloatArray]:
-    """Write the lines of a road's lanes, and return the lines by edge and index."""
-    lines = {(road.id, k): _trimmed(move(lane.centre)) for k, lane in enumerate(road.lanes)}
-    length = number(float(np.mean([_length(line) for line in lines.values()])))
-    for (edge, index), line in lines.items():
-        element = lanes[f"{edge}_{index}"]
+def _set_road(lanes: Mapping[str, Element], road: Road, lines: Lines) -> None:
+    """Write the lines of a road's lanes."""
+    own = [lines.lanes[road.id, index] for index in range(len(road.lanes))]
+    length = number(float(np.mean([length_of(line) for line in own])))
+    for index, line in enumerate(own):
+        element = lanes[f"{road.id}_{index}"]
         element.set("shape", _shape(line))
         element.set("length", length)  # the lanes of one edge have one length in SUMO
-    return lines
-
-
-def _line(way: Way, ends: Mapping[tuple[str, int], FloatArray], move: Points) -> FloatArray:
-    """Return the line from the end of a way's first lane to the beginning of its last one."""
-    between = [] if way.shape is None else [move(way.shape)]
-    return np.concatenate([ends[way.start][-1:], *between, ends[way.end][:1]])
 
 
 def _chain(way: Way, via: Mapping[tuple[str, int, str, int], str]) -> list[str]:
@@ -99,7 +85,7 @@ def _set_way(chain: list[Element], line: FloatArray) -> None:
         shares = np.concatenate(([begin], own[(own > begin) & (own < end)], [end]))
         piece = at_shares(line, shares)
         lane.set("shape", _shape(piece))
-        lane.set("length", number(max(_length(piece), 0.01)))
+        lane.set("length", number(max(length_of(piece), 0.01)))
 
 
 def _outline(bands: list[shapely.Geometry]) -> list[tuple[float, float]]:
@@ -107,14 +93,6 @@ def _outline(bands: list[shapely.Geometry]) -> list[tuple[float, float]]:
     area = shapely.union_all(bands).buffer(_CLOSE_M, join_style="mitre").buffer(-_CLOSE_M, join_style="mitre")
     largest = max(shapely.get_parts(area), key=lambda part: part.area)
     return [(float(x), float(y)) for x, y in largest.exterior.coords[:-1]]
-
-
-def _trimmed(line: FloatArray) -> FloatArray:
-    """Return a line with its ends shortened."""
-    length_m = _length(line)
-    share = min(_TRIM_M, 0.25 * min(length_m, _LEAST_M)) / length_m
-    own = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T)))) / length_m
-    return at_shares(line, np.concatenate(([share], own[(own > share) & (own < 1 - share)], [1 - share])))
 
 
 def _shape(line: FloatArray) -> str:
@@ -125,10 +103,6 @@ def simplified(line: FloatArray) -> FloatArray:
     """Return a line without the points that lie between others."""
     simple: FloatArray = shapely.get_coordinates(shapely.LineString(line).simplify(_STRAIGHT_M))
     return simple
-
-
-def _length(line: FloatArray) -> float:
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
 def _width(lane: Element) -> float:

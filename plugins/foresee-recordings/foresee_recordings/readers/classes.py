@@ -71,6 +71,11 @@ def shape_of(kind: str, length_m: float, width_m: float) -> Shape:
     return usual_shape(kind)
 
 
+def have(count: int, noun: str = "actor") -> str:
+    """Return the beginning of a note: `1 actor has`, `3 actors have`."""
+    return f"1 {noun} has" if count == 1 else f"{count} {noun}s have"
+
+
 def kind_by_size(length_m: float, width_m: float) -> str:
     """Return the likely kind of an actor of unknown class from its size, m (limits between the usual sizes)."""
     limits = ((1.3, 1.3, "pedestrian"), (2.6, 1.2, "bicycle"), (5.4, 3.0, "car"), (7.0, 3.0, "van"))

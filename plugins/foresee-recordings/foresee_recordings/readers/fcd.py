@@ -1,4 +1,4 @@
-"""SUMO's floating car data (`sumo --fcd-output`): XML, also packed with gzip, read timestep by timestep.
+"""SUMO's floating car data (`sumo --fcd-output`): XML, CSV or Parquet, read timestep by timestep.
 
 Positions are those of the middle of the front bumper, angles are degrees clockwise from north (SUMO, "FCD output").
 """
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 from foresee_dsl.compile.nets.safe_xml import children_of
 from foresee_recordings.readers import fcd_degrees
 from foresee_recordings.readers.classes import Shape, kind_of, shape_of, usual_shape
+from foresee_recordings.readers.fcd_samples import is_parquet_table, is_table, samples_of
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import Recording, RecordingError
@@ -48,6 +49,7 @@ _TYPE_ROOTS = ("routes", "additional", "additionals")
 _HEAD_BYTES = 1 << 16
 """Bytes in which the root is looked for. Ours: SUMO may write its configuration as a comment before it."""
 _TYPE_FILES = ("*.rou.xml", "*.add.xml", "*.vtypes.xml", "*.rou.xml.gz", "*.add.xml.gz")
+_NAMED = re.compile(r'<(?:route-files|additional-files)\s+value="([^"]*)"')
 _USUAL_CLASSES: Mapping[str, str] = {"car": "passenger", "van": "delivery", "pedestrian": "pedestrian"}
 """SUMO's classes whose sizes stand for those of our kinds, where the two have other names."""
 
@@ -55,11 +57,13 @@ _USUAL_CLASSES: Mapping[str, str] = {"car": "passenger", "van": "delivery", "ped
 class FcdReader:
     """SUMO's floating car data."""
 
-    what: ClassVar[str] = "SUMO's floating car data (--fcd-output), XML, also .gz"
+    what: ClassVar[str] = "SUMO's floating car data (--fcd-output): XML, CSV or Parquet, also .gz"
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is SUMO's FCD; a comment with SUMO's configuration may come before the root."""
-        return b"<fcd-export" in head or (b"<!-- generated on" in head and b"<fcd-output" in head)
+        if head.startswith(b"PAR1"):
+            return is_parquet_table(path)
+        return is_table(head) or b"<fcd-export" in head or (b"<!-- generated on" in head and b"<fcd-output" in head)
 
     def read(self, request: Request) -> Recording:
         """Read the timesteps of the request; the file is not read beyond its end.
@@ -70,23 +74,18 @@ class FcdReader:
         samples = Samples(request)
         types: dict[str, str] = {}
         tags: dict[str, str] = {}
-        for timestep in children_of(request.path, "fcd-export", "SUMO's FCD output", RecordingError, limit=None):
-            time_s = _number(request, timestep.get("time"), "the time of a timestep")
+        for time_s, tag, fields in samples_of(request.path, samples.left_out):
             if samples.is_over(time_s):
                 samples.wants("", time_s)
                 break
-            for element in timestep:
-                if element.tag not in _DEFAULT_TYPE:
-                    samples.left_out["elements other than vehicles and persons"] += 1
-                    continue
-                id_ = element.get("id", "")
-                # Vehicles and persons have names of their own: both may have a `0`.
-                actor = id_ if tags.get(id_, element.tag) == element.tag else f"{element.tag}_{id_}"
-                if not samples.wants(actor, time_s) or not _add(request, samples, actor, time_s, element.attrib):
-                    continue
-                if actor not in types:
-                    tags.setdefault(id_, element.tag)
-                    types[actor] = element.get("type") or _DEFAULT_TYPE[element.tag]
+            id_ = str(fields.get("id", ""))
+            # Vehicles and persons have names of their own: both may have a `0`.
+            actor = id_ if tags.get(id_, tag) == tag else f"{tag}_{id_}"
+            if not samples.wants(actor, time_s) or not _add(request, samples, actor, time_s, fields):
+                continue
+            if actor not in types:
+                tags.setdefault(id_, tag)
+                types[actor] = str(fields.get("type") or _DEFAULT_TYPE[tag])
         return self._recording(request, samples, types)
 
     def _recording(self, request: Request, samples: Samples, types: Mapping[str, str]) -> Recording:
@@ -126,17 +125,10 @@ class FcdReader:
         return zone
 
 
-def _number(request: Request, text: str | None, what: str) -> float:
-    try:
-        return float(text or "nan")
-    except ValueError:
-        raise RecordingError(f"{request.path}: {what} is {text!r:.50}, not a number") from None
-
-
-def _add(request: Request, samples: Samples, actor: str, time_s: float, fields: Mapping[str, str]) -> bool:
+def _add(request: Request, samples: Samples, actor: str, time_s: float, fields: Mapping[str, str | float]) -> bool:
     try:
         x, y = float(fields["x"]), float(fields["y"])
-        angle, speed = float(fields.get("angle", "nan")), float(fields.get("speed", "nan"))
+        angle, speed = float(fields.get("angle", math.nan)), float(fields.get("speed", math.nan))
     except KeyError:
         samples.left_out["samples without a position"] += 1
         return False
@@ -157,17 +149,24 @@ def _usual_shape(type_: str) -> Shape | None:
 
 
 def types_beside(path: Path, samples: Samples) -> dict[str, Shape]:
-    """Return the shapes of the vehicle types in the route and additional files in a file's folder, by type.
+    """Return the shapes of the vehicle types in the route and additional files in a file's folder, by type: those that
+    SUMO's configuration names, which is a comment at the top, and those with usual names.
 
     A file that cannot be read is noted, and its types are not known.
     """
     shapes: dict[str, Shape] = {}
-    for pattern in _TYPE_FILES:
-        for file in sorted(path.parent.glob(pattern)):
-            try:
-                shapes.update(_types_of(file))
-            except RecordingError as err:
-                samples.note(f"The types in {file.name} were not read: {err}")
+    head = head_of(path, _HEAD_BYTES).decode("utf-8", "replace")
+    paths = [part.strip() for value in _NAMED.findall(head) for part in re.split(r"[,;]", value)]
+    names = [re.split(r"[/\\]", part)[-1] for part in paths]  # of another machine: only files beside this one are read
+    files = [path.with_name(name) for name in names if name.endswith((".xml", ".xml.gz"))]
+    files += [file for pattern in _TYPE_FILES for file in sorted(path.parent.glob(pattern))]
+    for file in dict.fromkeys(files):
+        if not file.is_file():
+            continue
+        try:
+            shapes.update(_types_of(file))
+        except RecordingError as err:
+            samples.note(f"The types in {file.name} were not read: {err}")
     return shapes
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from foresee_recordings.readers import osi_files
-from foresee_recordings.readers.classes import Shape, kind_by_size, shape_of
+from foresee_recordings.readers.classes import Shape, have, kind_by_size, shape_of
 from foresee_recordings.readers.osi_lights import Lights
 from foresee_recordings.readers.parquet import rows_of
 from foresee_recordings.readers.samples import Samples
@@ -56,7 +56,7 @@ class OsiReader:
         if osi_files.is_parquet(request.path):
             return _read_parquet(request, samples)
         trace = osi_files.Trace(request.path)
-        objects, lights = _Objects(samples), Lights()
+        objects, lights = _Objects(samples), Lights(samples.take_room)
         for message in trace.ground_truths():
             time_s = message.timestamp.seconds + message.timestamp.nanos / 1e9
             objects.add(message, time_s)
@@ -119,9 +119,9 @@ class _Objects:
             counts = ", ".join(f"{count} {kind}" for kind, count in self._guessed.items())
             yield f"Objects of unknown class have the class that their size suggests ({counts})."
         if unsized := sum(not shape.sized for shape in self.shapes.values()):
-            yield f"{unsized} objects have no size: that which is usual for their class is used."
+            yield f"{have(unsized, 'object')} no size: that which is usual for the class is used."
         if self._sized_anew:
-            yield f"{len(self._sized_anew)} objects change their size: the first one is used."
+            yield f"{have(len(self._sized_anew), 'object')} different sizes: the first one is used."
 
 
 _SAME_SIZE_M = 0.1

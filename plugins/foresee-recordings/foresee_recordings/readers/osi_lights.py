@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from foresee_recordings.recording import SignalTrack
@@ -11,14 +12,20 @@ _COLOURS = {"RED": "red", "YELLOW": "amber", "GREEN": "green"}
 _LIT = ("CONSTANT", "FLASHING", "COUNTING")
 _APART_M = 0.5
 """Bulbs that are nearer to each other on the ground are of one head, m. Ours: more than the width of a head."""
+_KEPT_SAMPLES = 10
+"""Number of samples that take the memory of a lane's end, a signal or a change of its colour. Ours: some 400 bytes."""
 _ORDER = ("red", "amber", "green")
 """The colour that counts, if several bulbs are lit: red and amber together still mean stop."""
 
 
 class Lights:
-    """The colours of all signals while the ground truths of a trace are read."""
+    """The colours of all signals while the ground truths of a trace are read.
 
-    def __init__(self) -> None:
+    `take_room` is called for each thing that is kept, with the number of samples that take as much memory.
+    """
+
+    def __init__(self, take_room: Callable[[int], None]) -> None:
+        self._take_room = take_room
         self._changes: dict[tuple[Any, ...], list[tuple[float, str]]] = {}
         self._ids: dict[tuple[Any, ...], str] = {}
         self._lanes: dict[tuple[Any, ...], int] = {}
@@ -29,6 +36,8 @@ class Lights:
         for lane in message.lane:
             line = lane.classification.centerline
             if line:
+                if lane.id.value not in self._stop_lines:
+                    self._take_room(_KEPT_SAMPLES)
                 end = line[-1] if lane.classification.centerline_is_driving_direction else line[0]
                 self._stop_lines[lane.id.value] = end.x, end.y
         colours: dict[tuple[Any, ...], set[str]] = {}
@@ -47,6 +56,7 @@ class Lights:
             colour = next((colour for colour in _ORDER if colour in lit), "off")
             changes = self._changes.setdefault(head, [])
             if not changes or changes[-1][1] != colour:
+                self._take_room(_KEPT_SAMPLES)
                 changes.append((time_s, colour))
 
     def tracks(self) -> tuple[SignalTrack, ...]:

@@ -28,7 +28,7 @@ def rows_of(path: Path, texts: Sequence[str], numbers: Sequence[str]) -> Iterato
             source = parquet.ParquetFile(file, pre_buffer=False)
             _check_columns(path, source.schema_arrow, texts, numbers, pyarrow.types)
             for batch in source.iter_batches(_BATCH_ROWS, columns=[*texts, *numbers]):
-                words = [[str(value) for value in batch.column(name).to_pylist()] for name in texts]
+                words = [["" if v is None else str(v) for v in batch.column(name).to_pylist()] for name in texts]
                 values = [
                     [math.nan if value is None else value for value in batch.column(name).to_pylist()]
                     for name in numbers
@@ -48,12 +48,21 @@ def _check_columns(path: Path, schema: Any, texts: Sequence[str], numbers: Seque
             raise RecordingError(f"{path}: the values of column {name} are {type_}, not numbers")
 
 
+def columns_of(path: Path) -> list[str]:
+    """Return the names of a Parquet file's columns; raises as `rows_of`."""
+    return list(_schema_of(path).names)
+
+
 def metadata_of(path: Path) -> dict[bytes, bytes]:
     """Return the metadata of a Parquet file's table; raises as `rows_of`."""
+    return dict(_schema_of(path).metadata or {})
+
+
+def _schema_of(path: Path) -> Any:  # noqa: ANN401  pyarrow has no types
     pyarrow, parquet = _pyarrow()
     with opened(path, "file") as file:
         try:
-            return dict(parquet.ParquetFile(file).schema_arrow.metadata or {})
+            return parquet.ParquetFile(file).schema_arrow
         except (pyarrow.ArrowException, OSError) as err:
             raise RecordingError(f"{path} is not a Parquet file, or a damaged one: {err}") from err
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
 from foresee_recordings.maps.roads_file import roads_of_file
-from foresee_recordings.readers.classes import Shape
+from foresee_recordings.readers.classes import Shape, have
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import FloatArray, RecordedMap, Recording, RecordingError, SignalTrack, Track
 from foresee_recordings.sources import digest, name_of
@@ -71,6 +71,7 @@ class Samples:
         self._room = self._limit
         self._first_s, self._last_s = math.inf, -math.inf
         self._steps, self._jumps = 0, 0
+        self._derived: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
         self.notes: dict[str, None] = {}
         self.heading_unit = 1.0
@@ -176,6 +177,8 @@ class Samples:
                 tracks.append(self._track(name, form, motion, offset))
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
+        for what, count in self._derived.items():
+            self.note(f"{have(count)} {what}.")
         if self._request.map_file is not None:
             roads = roads_of_file(self._request.map_file, origin_m=origin_m)
         return Recording(
@@ -287,11 +290,11 @@ class Samples:
             )
             absent[too_fast, 3] = True
         if absent[:, 2].any():
-            self.left_out["actors without headings, which are those of their motion"] += 1
+            self._derived["no headings: those of their motion are used"] += 1
             states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
         if absent[:, 3].any():
             if (absent[:, 3] & ~too_fast).any():
-                self.left_out["actors without speeds, which are those of their positions"] += 1
+                self._derived["no speeds: those of their positions are used"] += 1
             velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
             states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
         states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi

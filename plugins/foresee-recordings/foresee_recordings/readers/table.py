@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from foresee_recordings.readers.classes import Shape, kind_of, shape_of, usual_shape
+from foresee_recordings.readers.classes import Shape, have, kind_of, shape_of, usual_shape
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.readers.tables import Table, listed, number, table
 from foresee_recordings.reading import Request
@@ -174,9 +174,9 @@ def _shape(columns: Mapping[str, int], unknown: Counter[str]) -> Callable[[Seque
 
 def _note(samples: Samples, shapes: Mapping[str, Shape], unknown: Counter[str]) -> None:
     if count := unknown.pop("", 0):
-        samples.note(f"{count} actors have no class: they are cars.")
+        samples.note(f"{have(count)} no class: cars are assumed.")
     if unknown:
         words = ", ".join(repr(word) for word, _ in unknown.most_common(8))
-        samples.note(f"{sum(unknown.values())} actors have an unknown class ({words}): they are cars.")
+        samples.note(f"{have(sum(unknown.values()))} an unknown class ({words}): cars are assumed.")
     if unsized := sum(not shape.sized for shape in shapes.values()):
-        samples.note(f"{unsized} actors have no size: that which is usual for their class is used.")
+        samples.note(f"{have(unsized)} no size: that which is usual for the class is used.")
