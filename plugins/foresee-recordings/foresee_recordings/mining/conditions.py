@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.lanes import MapFacts, map_facts
 from foresee_recordings.mining.measures import BETWEEN, Beside, gap, values_until
-from foresee_recordings.mining.rows import Rows
+from foresee_recordings.mining.rows import Rows, pairs_of
 from foresee_recordings.mining.traffic import HEADING, IntArray, Traffic, X, Y
 from foresee_recordings.recording import FloatArray, RecordingError
 
@@ -215,10 +216,9 @@ def _away(condition: m.Within, rows: Rows) -> FloatArray:
     return np.hypot(along, across)
 
 
+@lru_cache(maxsize=2)
 def collisions(traffic: Traffic) -> NDArray[np.bool_]:
     """Return at which rows of the table of states an actor touches another one, [R of the traffic]."""
-    from foresee_recordings.mining.rows import pairs_of
-
     touching = np.zeros(len(traffic.states), dtype=np.bool_)
     for rows in pairs_of(traffic):
         hit = gap(rows, "a", "b") <= 0.0
