@@ -128,6 +128,19 @@ def test_times_that_round_to_one_are_one(recorded: Recorded) -> None:
     assert np.diff(times).min() > 0.0009 and times[0] == 0.0 and times[-1] == pytest.approx(2.95)
 
 
+def test_strange_names_of_a_recording(recorded: Recorded, tmp_path: Path) -> None:
+    strange = dict(zip(("ego", "lead", "cyclist", "walker"), ('a"b\n,c', "", "x" * 300, "\u202e7"), strict=True))
+    recording = recorded.traffic.recording
+    tracks = tuple(replace(track, id=strange[track.id]) for track in recording.tracks)
+    source = Path('run "1"\n.csv')
+    named = replace(recording, name='run "1"\n', source=source, tracks=tracks)
+    case = write_seconds(Traffic(named), strange["ego"], tmp_path, Choice())
+    assert case.file is not None
+    assert check_paths([str(tmp_path)]).diagnostics == ()
+    assert drive_as_recorded(load_test_case(str(case.file))).verdict is Verdict.PASS
+    assert {path.name.isascii() for path in tmp_path.iterdir()} == {True}
+
+
 def test_what_cannot_be_used_is_said(recorded: Recorded, tmp_path: Path) -> None:
     recording = recorded.traffic.recording
     crashed = write_seconds(Traffic(moved(recording, "lead", "ego")), "ego", tmp_path, Choice())

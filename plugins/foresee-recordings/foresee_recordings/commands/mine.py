@@ -47,7 +47,7 @@ def mine(
         typer.Option(
             "--situation",
             metavar="NAME",
-            help="A named situation, such as cut_in (see --list); repeatable. By default all, without --find.",
+            help="A named situation, such as cut_in (see --list); repeatable. By default all but near_miss.",
         ),
     ] = None,
     from_s: Annotated[float | None, typer.Option("--from", help="First second of the recording to read.")] = None,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,9 @@ from foresee_dsl.language.model.conditions import MEASURED
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_recordings.mining.lanes import MapFacts, map_facts
 from foresee_recordings.mining.measures import BETWEEN, Beside, gap, values_until
-from foresee_recordings.mining.rows import Rows
+from foresee_recordings.mining.rows import Rows, pairs_of
 from foresee_recordings.mining.traffic import HEADING, IntArray, Traffic, X, Y
 from foresee_recordings.recording import FloatArray, RecordingError
 
@@ -73,7 +75,17 @@ def check(condition: m.Condition) -> None:
         elif isinstance(part, m.Predicate) and part.what == "arrived":
             raise RecordingError(f"`{text}` cannot be searched for: recorded actors have no goal")
         elif not isinstance(
-            part, m.Predicate | m.Ahead | m.Behind | m.SameLane | m.Not | m.Both | m.Either | m.Sustained
+            part,
+            m.Predicate
+            | m.Ahead
+            | m.Behind
+            | m.SameLane
+            | m.InLane
+            | m.InJunction
+            | m.Not
+            | m.Both
+            | m.Either
+            | m.Sustained,
         ):
             raise RecordingError(f"`{text}` cannot be searched for in a recording: it does not say that")
 
@@ -103,7 +115,9 @@ def _joined(condition: m.Both | m.Either, rows: Rows) -> Truths:
 def _cost(condition: m.Condition) -> int:
     """Return the rank of a condition by its computing time."""
     kinds = list(parts(condition))
-    if any(isinstance(part, m.Ahead | m.Behind | m.SameLane) for part in kinds):
+    if any(isinstance(part, m.SameLane | m.InLane | m.InJunction) for part in kinds):
+        return 4
+    if any(isinstance(part, m.Ahead | m.Behind) for part in kinds):
         return 3
     measured = [part.left.what for part in kinds if isinstance(part, m.Comparison) and isinstance(part.left, m.Measure)]
     if any(what in _ALONG for what in measured):
@@ -146,16 +160,45 @@ def _fact(condition: m.Condition, rows: Rows) -> Truths:
         case m.Behind():
             return _outcomes(Beside(rows, condition.other, condition.actor).gap_behind >= 0)
         case m.SameLane():
-            inside = [Beside(rows, *names).left for names in ((condition.other, condition.actor),
-                                                             (condition.actor, condition.other))]  # fmt: skip
-            return _outcomes(np.minimum(np.abs(inside[0]), np.abs(inside[1])) <= LANE_M / 2)
+            return _same_lane(condition, rows)
         case m.Within():
             return _outcomes(_away(condition, rows) <= si_of(condition.distance))
         case m.Predicate(what="collision"):
             touching = collisions(rows.traffic)
             return _outcomes(touching[rows.states[condition.actor]])
         case _:
+            return _fact_on_map(condition, rows)
+
+
+def _same_lane(condition: m.SameLane, rows: Rows) -> Truths:
+    """Return whether actors are in one lane; without a map, whether one is on the way of the other."""
+    actor, other = condition.actor, condition.other
+    facts = map_facts(rows.traffic)
+    if facts is not None:
+        depth = facts.same_lane(rows, actor, other)
+        return _outcomes(depth >= 0, np.isnan(depth))
+    left = np.minimum(np.abs(Beside(rows, other, actor).left), np.abs(Beside(rows, actor, other).left))
+    return _outcomes(left <= LANE_M / 2)
+
+
+def _fact_on_map(condition: m.Condition, rows: Rows) -> Truths:
+    match condition:
+        case m.InLane():
+            road = None if condition.road is None else word_of(condition.road)
+            depth = _on_map(condition, rows).in_lane(rows, condition.actor, round(si_of(condition.number)), road)
+            return _outcomes(depth >= 0, np.isnan(depth))
+        case m.InJunction():
+            junction = None if condition.junction is None else word_of(condition.junction)
+            return _outcomes(_on_map(condition, rows).in_junction(rows, condition.actor, junction))
+        case _:
             raise RecordingError(f"`{written(condition)}` cannot be searched for in a recording")
+
+
+def _on_map(condition: m.Condition, rows: Rows) -> MapFacts:
+    facts = map_facts(rows.traffic)
+    if facts is None:
+        raise RecordingError(f"`{written(condition)}` needs a map, and the recording has none: name one with --map")
+    return facts
 
 
 def _away(condition: m.Within, rows: Rows) -> FloatArray:
@@ -173,10 +216,9 @@ def _away(condition: m.Within, rows: Rows) -> FloatArray:
     return np.hypot(along, across)
 
 
+@lru_cache(maxsize=2)
 def collisions(traffic: Traffic) -> NDArray[np.bool_]:
     """Return at which rows of the table of states an actor touches another one, [R of the traffic]."""
-    from foresee_recordings.mining.rows import pairs_of
-
     touching = np.zeros(len(traffic.states), dtype=np.bool_)
     for rows in pairs_of(traffic):
         hit = gap(rows, "a", "b") <= 0.0

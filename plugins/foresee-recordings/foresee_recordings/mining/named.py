@@ -63,8 +63,9 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
             "a pedestrian crosses the ego's way, within 5 s of its passing", detectors.crossing_pedestrians
         ),
         # 1.5 s: Gettman et al., "Surrogate Safety Assessment Model and Validation" (FHWA-HRT-08-051, 2008), the default
-        # for a conflict. 0.2 s is ours: a single sample with a wrong heading does not count. Boxes that
-        # overlap are left out: in recordings they are errors of sizes, and a real contact is found before it happens.
+        # for a conflict; not compared with its text. 0.2 s is ours: a single sample with a wrong heading does not
+        # count. Boxes that overlap are left out: in recordings they are errors of sizes, and a real contact is found
+        # before it happens.
         "low_ttc": Named(
             "two actors would touch within 1.5 s",
             "(ttc(ego, other) < 1.5 s and distance(ego, other) > 0 m) for 0.2 s and ego.speed > 1 m/s",
@@ -72,7 +73,8 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
         ),
         "low_pet": Named("two actors pass a place within 1.5 s of each other, crossing", detectors.low_pets),
         # 0.9 s: the distance from which Germany fines drivers (BKatV, table 2 of the annex: less than half of half the
-        # speedometer's value in metres). The speed and the time are ours: without queues, and no passing moment.
+        # speedometer's value in metres); not compared with its text. The speed and the time are ours: without queues,
+        # and no passing moment.
         "short_headway": Named(
             "the ego follows an actor with less than 0.9 s",
             "(headway(ego, other) < 0.9 s and distance(ego, other) > 0 m) for 2 s and ego.speed > 5 m/s "
@@ -91,6 +93,8 @@ SITUATIONS: Mapping[str, Named] = MappingProxyType(
     }
 )
 """The named situations, in the order in which they are listed."""
+DEFAULT = tuple(name for name in SITUATIONS if name != "near_miss")
+"""Situations that are searched for if none is named; a near miss is a `low_ttc` or `low_pet` too."""
 
 
 def situation_of(name: str) -> Named:

@@ -9,7 +9,7 @@ import numpy as np
 
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining import kernels
-from foresee_recordings.mining.named import SITUATIONS, situation_of
+from foresee_recordings.mining.named import DEFAULT, situation_of
 from foresee_recordings.mining.query import Query
 from foresee_recordings.mining.situation import Occurrence, Situation
 from foresee_recordings.mining.traffic import ACCELERATION, SPEED, Traffic
@@ -29,7 +29,7 @@ def search(
     """Return the situations in a recording, by time.
 
     Args:
-        traffic: the recording. conditions: conditions of the language. names: names of situations; all named ones
+        traffic: the recording. conditions: conditions of the language. names: names of situations; `DEFAULT`
             without conditions and names.
         within_m: actors that never come nearer to the ego than this are not compared with it, m.
 
@@ -37,7 +37,7 @@ def search(
         RecordingError: a condition or a name cannot be searched for.
     """
     queries = [Query.of(text) for text in conditions]
-    chosen = [(name, situation_of(name)) for name in names or (() if conditions else SITUATIONS)]
+    chosen = [(name, situation_of(name)) for name in names or (() if conditions else DEFAULT)]
     situations: list[Situation] = []
     for number, query in enumerate(queries, 1):
         name = FIND if len(queries) == 1 else f"{FIND}_{number}"

@@ -26,8 +26,8 @@ stands does not add points, however its recorded position trembles."""
 BEHIND_M, BEYOND_M = 100.0, 200.0
 """Length by which a way continues straight before its beginning and beyond its end, m: as in
 `simulate.triggers.ways`."""
-LONGEST_ROWS = 50_000_000
-"""Largest number of states of a recording (actors times frames). Ours: 3 GB of memory."""
+LONGEST_ROWS = 20_000_000
+"""Largest number of states of a recording (actors times frames). Ours: 2.3 GB of memory while they are computed."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 
 from foresee_recordings.mining.situation import Situation
 
+_LONGEST_TEXT = 2000
+"""Longest text of the language, characters (`language.model.values.Text`)."""
 _LONGEST = 40
 """Longest name of a file, characters. Ours: it stays readable in a table."""
 
@@ -14,6 +16,13 @@ _LONGEST = 40
 def word(text: str) -> str:
     """Return a text as a word of lower-case letters, digits and underscores; it may be empty."""
     return re.sub(r"_+", "_", re.sub(r"[^a-z0-9]", "_", text.lower())).strip("_")[:_LONGEST]
+
+
+def one_line(text: str) -> str:
+    """Return a text from a recording as a text of the language: one line, without double quotes and invisible
+    characters, and not longer than allowed."""
+    line = " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+    return line.replace('"', "'")[:_LONGEST_TEXT]
 
 
 def unique(names: Iterable[str]) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Literal
 
 from foresee_dsl.language import model as m
 from foresee_recordings.recording import Track
+from foresee_recordings.scenarios.naming import one_line
 
 ActorWord = Literal["vehicle", "bicycle", "pedestrian", "obstacle"]
 AFTER_S = 0.05
@@ -74,7 +75,7 @@ def scenario(
     """Return the scenario of a part of a recording; the first of the roles is the ego."""
     ego, *others = roles
     body: list[m.ScenarioItem] = [
-        m.Doc(text=doc.replace('"', "'")),
+        m.Doc(text=one_line(doc)),
         m.Tags(names=tuple(tags)),
         m.UseNetwork(path=files.network),
         m.UseModels(path=files.models),

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from foresee_recordings.recording import FloatArray, Recording, Track
+from foresee_recordings.scenarios.naming import one_line
 
 COLUMNS = "time_s,actor,x_m,y_m,heading_deg,speed_mps"
 _PLAIN = re.compile(r"[A-Za-z0-9_.:-]{1,40}")
@@ -44,5 +45,5 @@ def tracks_text(recording: Recording, tables: Mapping[str, FloatArray]) -> str:
         f"{time_s:.3f},{name},{x:.3f},{y:.3f},{heading:.2f},{speed:.3f}"
         for time_s, name, (_, x, y, heading, speed) in sorted(rows, key=lambda row: (round(row[0], 3), row[1]))
     ]
-    head = ("# foresee tracks 1", f"# recording {recording.source.name} sha256:{recording.sha256}", COLUMNS)
+    head = ("# foresee tracks 1", f"# recording {one_line(recording.source.name)} sha256:{recording.sha256}", COLUMNS)
     return "\n".join((*head, *lines)) + "\n"

@@ -17,7 +17,7 @@ from foresee_recordings.mining.roads import network_of
 from foresee_recordings.mining.rows import EGO_KINDS
 from foresee_recordings.mining.situation import Situation
 from foresee_recordings.mining.traffic import Traffic
-from foresee_recordings.recording import RecordingError, Track
+from foresee_recordings.recording import RecordedMap, RecordingError, Track
 from foresee_recordings.scenarios.cut import Cut, cut_around, overlapping_at_begin, unusable
 from foresee_recordings.scenarios.models_file import Models
 from foresee_recordings.scenarios.naming import file_names, unique, word
@@ -86,48 +86,75 @@ def write_seconds(traffic: Traffic, ego: str, folder: Path, choice: Choice) -> W
     return case
 
 
+@dataclass(frozen=True)
+class _Writer:
+    """Writes the test cases of one recording into a folder; all of them share its roads and models."""
+
+    traffic: Traffic
+    roads: RecordedMap
+    network: RoadNetwork
+    models: Models
+    folder: Path
+    choice: Choice
+
+    @property
+    def base(self) -> str:
+        """The name of the files that all test cases share."""
+        return word(self.traffic.recording.name) or "recording"
+
+    def shared(self) -> dict[Path, str]:
+        """Return the files of the roads and the models."""
+        return {
+            self.folder / f"{self.base}{self.roads.suffix}": self.roads.text,
+            self.folder / f"{self.base}.models.foresee": self.models.text(),
+        }
+
+    def case(self, task: _Task) -> tuple[WrittenCase, dict[Path, str]]:
+        """Return a test case and its files; no files if it cannot be one."""
+        cut = task.cut
+        if reason := self._unusable(cut):
+            return WrittenCase(task.number, None, reason, left_out=cut.left_out), {}
+        roles = _roles(self.traffic, cut, self.models, self.network, self.roads.offset, self.choice)
+        tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, self.roads.offset) for role in roles}
+        tracks = tracks_text(self.traffic.recording, tables)
+        pin = hashlib.sha256(tracks.encode()).hexdigest()[:_PIN_DIGITS]
+        files = Files(
+            network=f"{self.base}{self.roads.suffix}",
+            models=f"{self.base}.models.foresee",
+            tracks=f"{task.name}.tracks.csv",
+            pin=f"sha256:{pin}",
+        )
+        deviation_m = self.choice.deviation_m
+        model = scenario(task.name, task.doc, task.tags, files, roles, lasts_s=cut.lasts_s, deviation_m=deviation_m)
+        file = self.folder / f"{task.name}.foresee"
+        notes = _notes(self.traffic, cut, self.network)
+        case = WrittenCase(task.number, file, "", len(roles) - 1, cut.left_out, notes)
+        return case, {self.folder / files.tracks: tracks, file: print_model(model)}
+
+    def _unusable(self, cut: Cut) -> str:
+        ego = self.traffic.tracks[cut.ego]
+        if ego.kind in EGO_KINDS and not route_of(_from(ego, cut.begins_s), self.network, self.roads.offset):
+            return f"{ego.id} is on none of the map's lanes"
+        return unusable(self.traffic, cut, self.network, self.roads.offset)
+
+
 def _write(traffic: Traffic, tasks: Iterable[_Task], folder: Path, choice: Choice) -> tuple[WrittenCase, ...]:
     recording = traffic.recording
     roads = roads_of(recording)
     if roads is None:
         raise RecordingError(f"{recording.source.name} has no roads, and no vehicle in it moves; name a map with --map")
-    network = network_of(roads)
     for name in choice.driven:
         recording.track(name)
-    base = word(recording.name) or "recording"
-    models = Models(base)
+    writer = _Writer(traffic, roads, network_of(roads), Models(word(recording.name) or "recording"), folder, choice)
     cases: list[WrittenCase] = []
     texts: dict[Path, str] = {}
     for task in tasks:
-        ego = traffic.tracks[task.cut.ego]
-        if ego.kind in EGO_KINDS and not route_of(_from(ego, task.cut.begins_s), network, roads.offset):
-            reason = f"{ego.id} is on none of the map's lanes"
-        else:
-            reason = unusable(traffic, task.cut, network, roads.offset)
-        if reason:
-            cases.append(WrittenCase(task.number, None, reason, left_out=task.cut.left_out))
-            continue
-        roles = _roles(traffic, task.cut, models, network, roads.offset, choice)
-        cut, file = task.cut, folder / f"{task.name}.foresee"
-        tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, roads.offset) for role in roles}
-        tracks = tracks_text(recording, tables)
-        pin = hashlib.sha256(tracks.encode()).hexdigest()[:_PIN_DIGITS]
-        files = Files(f"{base}{roads.suffix}", f"{base}.models.foresee", f"{task.name}.tracks.csv", f"sha256:{pin}")
-        model = scenario(
-            task.name, task.doc, task.tags, files, roles, lasts_s=cut.lasts_s, deviation_m=choice.deviation_m
-        )
-        texts[folder / files.tracks], texts[file] = tracks, print_model(model)
-        notes = _notes(traffic, cut, network)
-        if recording.roads is None and not any(case.file for case in cases):  # once, not for each test case
-            notes = (*notes, *roads.notes)
-        cases.append(WrittenCase(task.number, file, "", len(roles) - 1, cut.left_out, notes))
-    if texts:
-        texts = {
-            folder / f"{base}{roads.suffix}": roads.text,
-            folder / f"{base}.models.foresee": models.text(),
-            **texts,
-        }
-    for path, text in texts.items():
+        case, files = writer.case(task)
+        if files and not texts and recording.roads is None:  # about all test cases, but said once
+            case = replace(case, notes=(*case.notes, *roads.notes))
+        cases.append(case)
+        texts |= files
+    for path, text in (writer.shared() | texts if texts else texts).items():
         write_whole(path, text)
     return tuple(cases)
 
