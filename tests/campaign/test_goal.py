@@ -183,6 +183,18 @@ def test_a_campaign_without_a_goal_says_nothing_of_one(tmp_path: Path) -> None:
     assert result.goal is None
 
 
+def test_requirements_of_eight_kinds_are_goals() -> None:
+    cases = with_goal(load_test_cases([Path(__file__).parents[1] / "cases" / "goals"]), "safe")
+    pairs = {case.source.stem: PairGoal.of(case) for case in cases}
+    assert len(cases) == 31
+    measures = {name: pair.measure for name, pair in pairs.items() if pair is not None}
+    assert measures == {
+        "walker_room": "distance", "yard_room": "distance", "oncoming_room": "distance", "junction_room": "distance",
+        "turner_room": "distance", "runner_time": "ttc", "puller_headway": "headway",
+    }  # fmt: skip
+    assert pairs["calm_turn"] is None, "how the ego brakes cannot be rolled out"
+
+
 def test_children_go_where_the_margin_is_small() -> None:
     run = ChildOutcome("a", "a", "", (), Verdict.F2, "other", "", 1.0, 1.0, "")
     assert ChildFacts.of(run, "7").story
