@@ -29,7 +29,7 @@ from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.simulate.results.goal import GoalSeries
+from foresee_dsl.simulate.results.goal import GoalMargin, GoalSeries
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED
 from tests.support import command
@@ -199,6 +199,8 @@ def test_children_go_where_the_margin_is_small() -> None:
     run = ChildOutcome("a", "a", "", (), Verdict.F2, "other", "", 1.0, 1.0, "")
     assert ChildFacts.of(run, "7").story
     assert not ChildFacts.of(run, "7", "room").story, "a failure that keeps the goal is not what is searched"
+    near = replace(run, verdict=Verdict.PASS, goal=GoalMargin("room", held=True, margin=0.1, unit="m", nearness=0.96))
+    assert ChildFacts.of(near, "7", "room").nearness == 0.96
 
 
 def test_test_cases_without_the_goal_are_left_out(tmp_path: Path) -> None:
