@@ -18,6 +18,8 @@ from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.case_run import CaseStep
+from foresee_dsl.campaign.steps.step import KeyInputs
 from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.documents import plain
@@ -173,6 +175,19 @@ def test_the_same_again_runs_nothing_and_another_goal_runs_again(
         [node.step.key for node in Stages(cases, s, None, tmp_path).seeds] for s in (SETTINGS, GOAL)
     )
     assert not set(plain_keys) & set(goal_keys)
+
+
+def test_without_a_goal_keys_have_the_parts_that_they_had(tmp_path: Path) -> None:
+    case = load_test_cases([written(tmp_path, ROOM)])[0]
+    parts: list[set[str]] = []
+
+    def noted(_step: object, **named: object) -> str:
+        parts.append(set(named))
+        return ""
+
+    for settings in (SETTINGS, GOAL):
+        CaseStep.of_case(case, "one", KeyInputs(settings, "idm", "foresee", "", (), noted))
+    assert parts == [{"meaning", "window", "driver", "seed"}, {"meaning", "window", "driver", "seed", "goal"}]
 
 
 def test_a_campaign_without_a_goal_says_nothing_of_one(tmp_path: Path) -> None:
