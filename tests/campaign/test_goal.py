@@ -18,6 +18,8 @@ from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.case_run import CaseStep
+from foresee_dsl.campaign.steps.step import KeyInputs
 from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.documents import plain
@@ -29,7 +31,7 @@ from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.simulate.results.goal import GoalSeries
+from foresee_dsl.simulate.results.goal import GoalMargin, GoalSeries
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED
 from tests.support import command
@@ -175,6 +177,19 @@ def test_the_same_again_runs_nothing_and_another_goal_runs_again(
     assert not set(plain_keys) & set(goal_keys)
 
 
+def test_without_a_goal_keys_have_the_parts_that_they_had(tmp_path: Path) -> None:
+    case = load_test_cases([written(tmp_path, ROOM)])[0]
+    parts: list[set[str]] = []
+
+    def noted(_step: object, **named: object) -> str:
+        parts.append(set(named))
+        return ""
+
+    for settings in (SETTINGS, GOAL):
+        CaseStep.of_case(case, "one", KeyInputs(settings, "idm", "foresee", "", (), noted))
+    assert parts == [{"meaning", "window", "driver", "seed"}, {"meaning", "window", "driver", "seed", "goal"}]
+
+
 def test_a_campaign_without_a_goal_says_nothing_of_one(tmp_path: Path) -> None:
     assert "goal" not in plain(CampaignSettings())
     result, _ = campaign(written(tmp_path, ROOM), tmp_path / "out", replace(SETTINGS, children=1, risky_points=1))
@@ -183,10 +198,24 @@ def test_a_campaign_without_a_goal_says_nothing_of_one(tmp_path: Path) -> None:
     assert result.goal is None
 
 
+def test_requirements_of_eight_kinds_are_goals() -> None:
+    cases = with_goal(load_test_cases([Path(__file__).parents[1] / "cases" / "goals"]), "safe")
+    pairs = {case.source.stem: PairGoal.of(case) for case in cases}
+    assert len(cases) == 31
+    measures = {name: pair.measure for name, pair in pairs.items() if pair is not None}
+    assert measures == {
+        "walker_room": "distance", "yard_room": "distance", "oncoming_room": "distance", "junction_room": "distance",
+        "turner_room": "distance", "runner_time": "ttc", "puller_headway": "headway",
+    }  # fmt: skip
+    assert pairs["calm_turn"] is None, "how the ego brakes cannot be rolled out"
+
+
 def test_children_go_where_the_margin_is_small() -> None:
     run = ChildOutcome("a", "a", "", (), Verdict.F2, "other", "", 1.0, 1.0, "")
     assert ChildFacts.of(run, "7").story
     assert not ChildFacts.of(run, "7", "room").story, "a failure that keeps the goal is not what is searched"
+    near = replace(run, verdict=Verdict.PASS, goal=GoalMargin("room", held=True, margin=0.1, unit="m", nearness=0.96))
+    assert ChildFacts.of(near, "7", "room").nearness == 0.96
 
 
 def test_test_cases_without_the_goal_are_left_out(tmp_path: Path) -> None:
