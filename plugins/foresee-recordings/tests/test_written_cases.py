@@ -128,6 +128,13 @@ def test_times_that_round_to_one_are_one(recorded: Recorded) -> None:
     assert np.diff(times).min() > 0.0009 and times[0] == 0.0 and times[-1] == pytest.approx(2.95)
 
 
+def test_recordings_share_a_folder(recorded: Recorded, tmp_path: Path) -> None:
+    other = Traffic(replace(recorded.traffic.recording, sha256="f" * 64))
+    files = [write_seconds(traffic, "ego", tmp_path, Choice()).file for traffic in (recorded.traffic, other) * 2]
+    assert [file.name for file in files if file] == ["town_run_ego.foresee", "town_run_ego_2.foresee"] * 2
+    assert write_cases(other, (), tmp_path, Choice()) == ()
+
+
 def test_strange_names_of_a_recording(recorded: Recorded, tmp_path: Path) -> None:
     strange = dict(zip(("ego", "lead", "cyclist", "walker"), ('a"b\n,c', "", "x" * 300, "\u202e7"), strict=True))
     recording = recorded.traffic.recording
