@@ -18,7 +18,7 @@ from foresee_recordings.mining.rows import EGO_KINDS
 from foresee_recordings.mining.situation import Situation
 from foresee_recordings.mining.traffic import Traffic
 from foresee_recordings.recording import RecordedMap, RecordingError, Track
-from foresee_recordings.scenarios.cut import Cut, cut_around, overlapping_at_begin, unusable
+from foresee_recordings.scenarios.cut import Cut, cut_around, goal_before_the_end, overlapping_at_begin, unusable
 from foresee_recordings.scenarios.models_file import Models
 from foresee_recordings.scenarios.naming import file_names, free_name, unique, word
 from foresee_recordings.scenarios.test_case import Files, Role, scenario
@@ -119,6 +119,8 @@ class _Writer:
         if reason := self._unusable(cut):
             return WrittenCase(task.number, None, reason, left_out=cut.left_out), {}
         roles = _roles(self.traffic, cut, self.models, self.network, self.roads.offset, self.choice)
+        goal = goal_before_the_end(self.traffic, cut, self.network, self.roads.offset)
+        roles[0] = replace(roles[0], goal=goal)
         tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, self.roads.offset) for role in roles}
         tracks = tracks_text(self.traffic.recording, tables)
         pin = hashlib.sha256(tracks.encode()).hexdigest()[:_PIN_DIGITS]
