@@ -120,9 +120,9 @@ def goal_before_the_end(
 ) -> tuple[float, float] | None:
     """Return a goal for an ego whose track ends where the map's roads end, m in the network's coordinates.
 
-    Recordings often end with the map. Then the last recorded place is no goal: a faster ego would drive over the end of
-    the road. The goal is a vehicle's length and some metres before it. None if the road goes on, or the ego hardly
-    moves.
+    Recordings often end with the map. With its last recorded place as the goal, a faster ego would drive over the end
+    of the road. So the goal is a vehicle's length and some metres before it. None if the road goes on, or the ego
+    hardly moves.
     """
     states = traffic.part(cut.ego, traffic.frame_at(cut.begins_s), traffic.frame_at(cut.ends_s))
     last, length_m = states[-1], traffic.tracks[cut.ego].length_m
