@@ -124,6 +124,19 @@ def test_a_vehicle_that_was_told_to_leave_and_could_not_does_so_in_the_clip(fold
     assert deviation(case, trace, 1.0).largest_others_m < 1e-5
 
 
+@pytest.mark.parametrize("statement", ["brakes 3 m/s^2 from 3 s for 2 s", "delay 2.5 s", "timing 0.8", "line 0.5 m"])
+@pytest.mark.parametrize("at_s", [3.8, 4.4, 6.0])
+def test_a_clip_of_a_vehicle_that_leaves_its_track_changed(statement: str, at_s: float, folder: Path) -> None:
+    text = (folder / "cut.foresee").read_text(encoding="utf-8")
+    file = folder / "changed.foresee"
+    file.write_text(text.replace('{ track "118"', f'{{ {statement}; track "118"'), encoding="utf-8")
+    case = load_test_case(file)
+    trace = drive(case)
+    assert not np.isnan(states(trace, "v118")[-1, X])
+    found = deviation(case, trace, at_s).actors
+    assert found["v118"] < 0.01
+
+
 def test_timing_lets_the_clock_of_the_track_run_faster(folder: Path, early: tuple[TestCase, Trace]) -> None:
     clip_case, parent = early
     child = drive(child_of(clip_case, "v117.timing: 1.00 => 1.25"))

@@ -41,6 +41,12 @@ def offered(scenarios: Path, text: str) -> list[str]:
     return [suggestion.text for suggestion in complete(files, path, text, len(text)).suggestions]
 
 
+def test_files_of_tracks_are_offered_for_use_tracks(tmp_path: Path) -> None:
+    (tmp_path / "cut.tracks.csv").write_text("")
+    (tmp_path / "town.foresee").write_text("")
+    assert offered(tmp_path, BELOW + 'use tracks "') == ["cut.tracks.csv"]
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

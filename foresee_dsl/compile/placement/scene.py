@@ -95,7 +95,7 @@ class SceneBuilder:
                 message = f"there is no model {model}"
                 self._add(actor.name, "model", codes.UNKNOWN, message, did_you_mean(model, specs))
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
-        self._playbacks = self._recorded()
+        self._playbacks = self._read_playbacks()
         self._starts = StartSearch(network, self._actors, self._spec_of, self._playbacks)
         self._waiting = {
             action.actor
@@ -112,11 +112,11 @@ class SceneBuilder:
         self._names = NameChecks(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.first(m.End)) is not None else DEFAULT_END_S
 
-    def _recorded(self) -> dict[str, Playback]:
+    def _read_playbacks(self) -> dict[str, Playback]:
         """Return how the actors with recorded tracks follow them, by name; add a problem for each track that cannot be
         followed."""
-        stated = {name: item for name, actor in self._actors.items() if (item := track_of(actor)) is not None}
-        if not stated:
+        statements = {name: item for name, actor in self._actors.items() if (item := track_of(actor)) is not None}
+        if not statements:
             return {}
         try:
             tracks = read_tracks(self._case.tracks) if self._case.tracks is not None else {}
@@ -124,7 +124,7 @@ class SceneBuilder:
             self._add("", "use_tracks", codes.TRACK, str(err), "correct the file, or write it again")
             return {}
         playbacks: dict[str, Playback] = {}
-        for name, statement in stated.items():
+        for name, statement in statements.items():
             track = tracks.get(statement.name)
             if track is None:
                 help_ = did_you_mean(statement.name, tracks) or "write the name of an actor in the tracks file"

@@ -12,7 +12,7 @@ import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_actions, door_side
 from foresee_dsl.derive.clipping.snapshot import front, has_passed, present, remaining_route
-from foresee_dsl.derive.clipping.tracks import Followed, ego_track, followed
+from foresee_dsl.derive.clipping.tracks import TrackProgress, ego_track, track_progress
 from foresee_dsl.derive.clipping.triggers import Resumed, at_once, triggers_at
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
@@ -175,8 +175,8 @@ class _Beginning:
                     pass  # statements about the parent's text, and parameters, whose values are already inserted
                 case _:
                     assert_never(item)
-        self._followed = followed(case, trace, frame)
-        absent = frozenset(name for name in self._followed if math.isnan(trace.states[frame, trace.index(name), X]))
+        self._on_tracks = track_progress(case, trace, frame)
+        absent = frozenset(name for name in self._on_tracks if math.isnan(trace.states[frame, trace.index(name), X]))
         self._triggers = triggers_at(case.scenario, trace, frame, later=absent)
         self.gone = self._triggers.moment.gone
         doors = {m.door_name(action.actor, door_side(action)) for action in door_actions(case.scenario)}
@@ -241,8 +241,8 @@ class _Beginning:
     def _actor(self, k: int) -> m.Actor:
         info, orders = self._trace.actors[k], self._triggers.orders_of(self._trace.actors[k].id)
         source = self._source(info.id)
-        if info.id in self._followed:
-            return self._follower(info, self._followed[info.id], orders)
+        if info.id in self._on_tracks:
+            return self._follower(info, self._on_tracks[info.id], orders)
         timing = next((si_of(item.factor) for item in source if isinstance(item, m.Timing)), 1.0)
         cruise = self._cruise(info, orders) if orders.keeps_mps is None else _quantity(orders.keeps_mps, "speed")
         carried = [statement for item in source for statement in self._carried(item, info, orders)]
@@ -261,12 +261,12 @@ class _Beginning:
             ),
         )
 
-    def _follower(self, info: ActorInfo, followed: Followed, orders: ActorOrders) -> m.Actor:
+    def _follower(self, info: ActorInfo, progress: TrackProgress, orders: ActorOrders) -> m.Actor:
         """Return an actor that follows its track; the track gives its place, so it has no state."""
         actor = self._written[info.id]
         changed = (i for i in actor.body if isinstance(i, m.Timing | m.Delay | m.Brakes))
         carried = (statement for i in changed for statement in self._carried(i, info, orders))
-        body = (*followed.statements(actor), *carried)
+        body = (*progress.statements(actor), *carried)
         return m.Actor(kind=_kind(info), name=info.id, model=info.model, body=body)
 
     def _way(self, k: int, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
@@ -350,8 +350,8 @@ class _Beginning:
         """
         again: list[m.Action] = []
         name = self._trace.actors[k].id
-        if name in self._followed:
-            return at_once(m.LeavesTrack(actor=name)) if self._followed[name].leaves else None
+        if name in self._on_tracks:
+            return at_once(m.LeavesTrack(actor=name)) if self._on_tracks[name].leaves else None
         orders = self._triggers.orders_of(name)
         if orders.speed is not None:
             action = orders.speed.action

@@ -22,7 +22,7 @@ _FEW_DIGITS = 2
 
 
 @dataclass(frozen=True)
-class Followed:
+class TrackProgress:
     """An actor that follows its track at the clip's beginning, or that is not there yet.
 
     Attributes:
@@ -52,28 +52,28 @@ def track_from(track: m.Track, time_s: float) -> m.Track:
     return track.model_copy(update={"start": _time(time_s)})
 
 
-def followed(case: TestCase, trace: Trace, frame: int) -> Mapping[str, Followed]:
+def track_progress(case: TestCase, trace: Trace, frame: int) -> Mapping[str, TrackProgress]:
     """Return the actors that follow a track at a frame of a run, or will be there later, by name.
 
     The clocks are computed again from the statements, because nothing else in a run changes them.
     """
-    stated = [(actor, track) for actor in case.scenario.all(m.Actor) if (track := track_of(actor)) is not None]
-    if not stated or case.tracks is None:
+    statements = [(actor, track) for actor in case.scenario.all(m.Actor) if (track := track_of(actor)) is not None]
+    if not statements or case.tracks is None:
         return {}
     tracks, now_s = read_tracks(case.tracks), float(trace.time_s[frame]) + 1e-6
-    ordered = {(event.actor, event.what) for event in trace.events if event.time_s <= now_s}
-    actors: dict[str, Followed] = {}
-    for actor, statement in stated:
+    orders = {(event.actor, event.what) for event in trace.events if event.time_s <= now_s}
+    actors: dict[str, TrackProgress] = {}
+    for actor, statement in statements:
         playback = playback_of(actor, tracks[statement.name], spec_of(case.models[str(actor.model)]))
         clock = TrackClock(playback)
         for _ in range(frame):
             clock.step()
         column = trace.index(actor.name)
         there = not math.isnan(trace.states[frame, column, X])
-        waits = clock.time_s < playback.track.begin_s and (actor.name, "leaves") not in ordered
+        waits = clock.time_s < playback.track.begin_s and (actor.name, "leaves") not in orders
         if waits if not there else not math.isnan(trace.along[frame, column]):
-            leaves = (actor.name, "leaves_track") in ordered
-            actors[actor.name] = Followed(clock, leaves, playback.moves_over_s)
+            leaves = (actor.name, "leaves_track") in orders
+            actors[actor.name] = TrackProgress(clock, leaves, playback.moves_over_s)
     return actors
 
 

@@ -77,6 +77,12 @@ class GuidedVehicle(SumoVehicle):
         """Whether the vehicle follows its recorded track, also before the track's beginning and after its end."""
         return isinstance(self.guide, TrackActor) and self.guide.follows
 
+    @property
+    def leaves_now(self) -> bool:
+        """Whether the vehicle is to leave its track here, if the lanes that it joins are near."""
+        waits = isinstance(self.guide, TrackActor) and self.guide.clock.waits
+        return self.leaves_track and self.present and self.way is None and not waits
+
     def join_from_track(self, kind: LaneKind) -> None:
         """Find the way that the vehicle takes when it leaves its track here; there is none if its lanes are too far
         away.

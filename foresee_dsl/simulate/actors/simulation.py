@@ -219,7 +219,7 @@ class Simulation:
         """Move a vehicle along its path; at the path's end hand it over to SUMO."""
         if vehicle.guide is None or not (vehicle.present or vehicle.on_track):
             return
-        if vehicle.leaves_track and vehicle.present and vehicle.way is None:
+        if vehicle.leaves_now:
             vehicle.join_from_track(lane_kind(vehicle.placed.model))
         if not vehicle.joins_now:
             vehicle.step_on_path()
@@ -228,6 +228,8 @@ class Simulation:
         if placed is None or placed.line is None:
             return
         self.world.add_vehicle(replace(placed, cruise_mps=self.cruise_mps[vehicle.id]))
+        if vehicle.leaves_track and placed.accelerates_mps2 < placed.model.acceleration_mps2:
+            self.world.set_acceleration(vehicle.id, placed.accelerates_mps2)
         self.sumo_vehicles[vehicle.id] = vehicle
         self._traffic.adopt(vehicle.id, placed.lane, self.cruise_mps[vehicle.id])
         self.progress.set_line(vehicle, placed.line)

@@ -58,6 +58,11 @@ class TrackClock:
         return self._state
 
     @property
+    def waits(self) -> bool:
+        """Whether the clock stands because of a delay."""
+        return self._now_s < self._playback.delay_s - STEP_S / 100
+
+    @property
     def is_slow(self) -> bool:
         """Whether the actor is slower than its track, because it brakes or has braked."""
         return self._slow_mps is not None
@@ -65,7 +70,7 @@ class TrackClock:
     @property
     def speed_mps(self) -> float:
         """The actor's speed, m/s."""
-        if self._now_s < self._playback.delay_s - STEP_S / 100:
+        if self.waits:
             return 0.0
         full_mps = self._full_mps()
         return full_mps if self._slow_mps is None else math.copysign(min(self._slow_mps, abs(full_mps)), full_mps)

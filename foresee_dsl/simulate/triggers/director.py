@@ -360,6 +360,9 @@ class Director:
         self.event("leaves_track", {}, action.actor)
         if (actor := self._simulation.by_id.get(action.actor)) is not None:
             self._simulation.leave_track(actor)
+            playback = actor.placed.playback
+            if playback is not None and playback.brakes is not None:
+                self._orders.brake(actor, Braking(self._simulation, actor, playback.brakes))
         return _at_once
 
     def _keep_sideways(self, actor: SimulatedActor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
