@@ -57,7 +57,7 @@ class Layout:
 
     Attributes:
         places: position of each junction, m, by its number.
-        sources: for each lane of the map the edges and ways that stand for it: counts of lanes left out otherwise.
+        left_out: what of the map is not used, with counts.
     """
 
     roads: tuple[Road, ...]

@@ -19,8 +19,8 @@ from foresee_recordings.maps.commonroad import Lanelets
 from foresee_recordings.maps.network import network_of, usual_speed
 from foresee_recordings.maps.signals import SignalCycle
 from foresee_recordings.readers.classes import Shape, kind_by_size
-from foresee_recordings.readers.commonroad_numbers import Footprint, State, footprint_of, state_of
-from foresee_recordings.readers.commonroad_signals import cycle_of, signal_tracks
+from foresee_recordings.readers.commonroad.numbers import Footprint, State, footprint_of, state_of
+from foresee_recordings.readers.commonroad.signals import cycle_of, signal_tracks
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import RecordedMap, Recording, RecordingError
@@ -50,7 +50,7 @@ _LEFT_OUT = {
 }
 
 
-class CommonRoad:
+class CommonRoadReader:
     """The reader of CommonRoad's XML."""
 
     what: ClassVar[str] = "CommonRoad XML, 2018b and 2020a, with its lanelets"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_recordings.maps.signals import SignalCycle
-from foresee_recordings.readers.commonroad_numbers import number
+from foresee_recordings.readers.commonroad.numbers import number
 from foresee_recordings.recording import SignalTrack
 
 _COLOURS = {"red": "red", "redYellow": "red", "yellow": "amber", "green": "green", "inactive": "off"}

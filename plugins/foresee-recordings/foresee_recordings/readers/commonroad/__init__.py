@@ -1,0 +1,1 @@
+"""CommonRoad scenarios: their obstacles, traffic lights and lanelets."""
