@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from evaluation.replay import drive_as_recorded
+from foresee_recordings.maps.from_tracks import guessed_roads
 from foresee_recordings.mining.search import search
 from foresee_recordings.mining.traffic import Traffic
-from foresee_recordings.recording import RecordedMap, Recording, RecordingError
+from foresee_recordings.recording import RecordedMap, Recording, RecordingError, Track
 from foresee_recordings.scenarios.models_file import Models
 from foresee_recordings.scenarios.tracks_file import samples
 from foresee_recordings.scenarios.writing import Choice, write_cases, write_seconds
@@ -126,6 +128,28 @@ def test_times_that_round_to_one_are_one(recorded: Recorded) -> None:
     uneven = replace(track, time_s=track.time_s + 1e-7 * np.sin(np.arange(len(track.time_s))))
     times = samples(uneven, 0.05, 3.0000004, (0.0, 0.0))[:, 0]
     assert np.diff(times).min() > 0.0009 and times[0] == 0.0 and times[-1] == pytest.approx(2.95)
+
+
+def test_recordings_share_a_folder(recorded: Recorded, tmp_path: Path) -> None:
+    other = Traffic(replace(recorded.traffic.recording, sha256="f" * 64))
+    files = [write_seconds(traffic, "ego", tmp_path, Choice()).file for traffic in (recorded.traffic, other) * 2]
+    assert [file.name for file in files if file] == ["town_run_ego.foresee", "town_run_ego_2.foresee"] * 2
+    assert write_cases(other, (), tmp_path, Choice()) == ()
+
+
+def test_a_goal_before_the_end_of_the_map(tmp_path: Path) -> None:
+    def driven(length_m: float) -> Track:
+        x = np.arange(0.0, length_m + 0.1, 1.0)
+        states = np.column_stack([x, np.zeros_like(x), np.zeros_like(x), np.full_like(x, 10.0)])
+        return Track(f"to_{length_m:.0f}", "car", 4.6, 1.8, x / 10, states)
+
+    roads = guessed_roads([driven(100.0)])  # they end 30 m after the track
+    recording = Recording("straight", Path("straight.csv"), "0" * 64, "made", (driven(126.0),), roads=roads)
+    case = write_seconds(Traffic(recording), "to_126", tmp_path, Choice())
+    assert case.file is not None and roads is not None
+    (goal,) = re.findall(r"goal \((\S+) m,", case.file.read_text())
+    assert float(goal) - roads.offset[0] == pytest.approx(116.0, abs=0.6)
+    assert drive_as_recorded(load_test_case(str(case.file))).verdict is Verdict.PASS
 
 
 def test_strange_names_of_a_recording(recorded: Recorded, tmp_path: Path) -> None:

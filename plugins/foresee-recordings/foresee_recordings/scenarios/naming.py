@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from foresee_recordings.mining.situation import Situation
 
+_HEAD = 4096
+"""Number of characters at the beginning of a file of tracks that contain the recording's hash. Ours."""
 _LONGEST_TEXT = 2000
 """Longest text of the language, characters (`language.model.values.Text`)."""
 _LONGEST = 40
@@ -36,6 +39,24 @@ def unique(names: Iterable[str]) -> list[str]:
         used.add(candidate)
         result.append(candidate)
     return result
+
+
+def free_name(folder: Path, name: str, sha256: str) -> str:
+    """Return the name of a test case in a folder, with a number if the folder has it from another recording.
+
+    A test case of the same recording (`sha256`) is written again.
+    """
+    candidate, number = name, 2
+    while _of_another(folder / f"{candidate}.tracks.csv", sha256):
+        candidate, number = f"{name}_{number}", number + 1
+    return candidate
+
+
+def _of_another(tracks: Path, sha256: str) -> bool:
+    if not tracks.exists():
+        return False
+    with tracks.open(encoding="utf-8", errors="replace") as file:
+        return sha256 not in file.read(_HEAD)
 
 
 def file_names(situations: Sequence[Situation]) -> list[str]:

@@ -27,6 +27,7 @@ class Role:
         driven: SUMO drives it from the beginning. leaves: it leaves its track when the ego deviates.
         state: x, y (m, in the network's coordinates), heading (rad) and speed at the beginning; None if it is not there
             yet.
+        goal: of the ego, x and y, m; None: where its track ends.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Role:
     driven: bool = False
     leaves: bool = False
     state: tuple[float, float, float, float] | None = None
+    goal: tuple[float, float] | None = None
 
     @property
     def word(self) -> ActorWord:
@@ -80,7 +82,7 @@ def scenario(
         m.UseNetwork(path=files.network),
         m.UseModels(path=files.models),
         m.UseTracks(path=files.tracks, pin=files.pin),
-        m.Ego(model=ego.model, body=(m.Track(name=ego.track_name), m.EdgeRoute(edges=ego.route))),
+        m.Ego(model=ego.model, body=_ego(ego)),
         *(m.Actor(kind=role.word, name=role.name, model=role.model, body=_moves(role)) for role in others),
     ]
     if leaving := [m.LeavesTrack(actor=role.name) for role in others if role.leaves]:
@@ -95,16 +97,22 @@ def scenario(
     return m.Scenario(name=name, body=tuple(body))
 
 
+def _ego(role: Role) -> tuple[m.ActorItem, ...]:
+    track, route = m.Track(name=role.track_name), m.EdgeRoute(edges=role.route)
+    return (track, route) if role.goal is None else (track, route, m.GoalAt(place=_point(*role.goal)))
+
+
+def _point(x: float, y: float) -> m.Point:
+    return m.Point(x=m.Quantity.of(x, "length", 2), y=m.Quantity.of(y, "length", 2))
+
+
 def _moves(role: Role) -> tuple[m.ActorItem, ...]:
     if not role.driven or role.state is None:
         track = m.Track(name=role.track_name)
         return (track, m.Joins(edges=role.route)) if role.route else (track,)
     x, y, heading, speed = role.state
     front = role.track.length_m / 2
-    place = m.Point(
-        x=m.Quantity.of(x + front * math.cos(heading), "length", 2),
-        y=m.Quantity.of(y + front * math.sin(heading), "length", 2),
-    )
+    place = _point(x + front * math.cos(heading), y + front * math.sin(heading))
     return (
         m.EdgeRoute(edges=role.route),
         m.StartAt(place=place),

@@ -18,9 +18,9 @@ from foresee_recordings.mining.rows import EGO_KINDS
 from foresee_recordings.mining.situation import Situation
 from foresee_recordings.mining.traffic import Traffic
 from foresee_recordings.recording import RecordedMap, RecordingError, Track
-from foresee_recordings.scenarios.cut import Cut, cut_around, overlapping_at_begin, unusable
+from foresee_recordings.scenarios.cut import Cut, cut_around, goal_before_the_end, overlapping_at_begin, unusable
 from foresee_recordings.scenarios.models_file import Models
-from foresee_recordings.scenarios.naming import file_names, unique, word
+from foresee_recordings.scenarios.naming import file_names, free_name, unique, word
 from foresee_recordings.scenarios.test_case import Files, Role, scenario
 from foresee_recordings.scenarios.tracks_file import plain_name, samples, tracks_text
 
@@ -66,13 +66,16 @@ def write_cases(
     Raises:
         RecordingError: the recording has no roads that a test case can use, or an actor of `driven` is not in it.
     """
+    if not situations:
+        return ()
     tasks = []
     source = traffic.recording.source.name
     for number, (name, situation) in enumerate(zip(file_names(situations), situations, strict=True), 1):
         begins_s, ends_s = situation.moment_s - choice.before_s, situation.moment_s + choice.after_s
         cut = cut_around(traffic, traffic.ids[situation.ego], begins_s, ends_s, choice.radius_m)
+        free = free_name(folder, name, traffic.recording.sha256)
         doc = f"Recorded: {situation.sentence}, at {situation.moment_s:.2f} s of {source}."
-        tasks.append(_Task(number, name, doc, ("recorded", situation.name), cut))
+        tasks.append(_Task(number, free, doc, ("recorded", situation.name), cut))
     return _write(traffic, tasks, folder, choice)
 
 
@@ -82,7 +85,8 @@ def write_seconds(traffic: Traffic, ego: str, folder: Path, choice: Choice) -> W
     number = traffic.ids[recording.track(ego).id]
     cut = cut_around(traffic, number, recording.begins_s, recording.ends_s, choice.radius_m)
     doc = f"Recorded: {ego} from {cut.begins_s:.2f} s to {cut.ends_s:.2f} s of {recording.source.name}."
-    (case,) = _write(traffic, [_Task(0, word(f"{recording.name}_{ego}"), doc, ("recorded",), cut)], folder, choice)
+    name = free_name(folder, word(f"{recording.name}_{ego}"), recording.sha256)
+    (case,) = _write(traffic, [_Task(0, name, doc, ("recorded",), cut)], folder, choice)
     return case
 
 
@@ -115,6 +119,8 @@ class _Writer:
         if reason := self._unusable(cut):
             return WrittenCase(task.number, None, reason, left_out=cut.left_out), {}
         roles = _roles(self.traffic, cut, self.models, self.network, self.roads.offset, self.choice)
+        goal = goal_before_the_end(self.traffic, cut, self.network, self.roads.offset)
+        roles[0] = replace(roles[0], goal=goal)
         tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, self.roads.offset) for role in roles}
         tracks = tracks_text(self.traffic.recording, tables)
         pin = hashlib.sha256(tracks.encode()).hexdigest()[:_PIN_DIGITS]
