@@ -19,6 +19,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.case_run import CaseStep
+from foresee_dsl.campaign.steps.forecast import toward_goal
 from foresee_dsl.campaign.steps.step import KeyInputs
 from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.reach.ranker import ReachRanker
@@ -105,6 +106,16 @@ def test_points_are_the_smallest_margins_first(tmp_path: Path) -> None:
     assert points[0].frame == series.worst
     assert points[0].actor == "other"
     assert points[0].why == f"room is {series.margins[points[0].frame]:.2f} m from being broken"
+
+
+def test_proposals_come_first_for_a_goal_that_cannot_be_rolled_out(tmp_path: Path) -> None:
+    case = cases_of(tmp_path, "expect room: always ego.acceleration > -9 m/s^2")[0]
+    ranker = toward_goal(ReachRanker(), case)
+    points = ranker.rank(run_test_case(case, "idm", 0).trace, before_s=3.0, after_s=3.0)
+    by_margin = ["from being broken" in point.why for point in points]
+    assert any(by_margin) and not all(by_margin)
+    assert by_margin == sorted(by_margin)
+    assert all(point.why.endswith("(not by the goal's margin)") for point in points if point.operator)
 
 
 @pytest.mark.parametrize("fact", ["never ego runs red", "always other.speed < 99 m/s or ego sees other"])

@@ -99,12 +99,12 @@ def toward_goal(ranker: Ranker, case: TestCase) -> Ranker:
     """Return the ranker of a campaign with a goal.
 
     A ranker that proposes changes uses the goal, if a roll-out can compute it. Otherwise the moments of the smallest
-    margins come before the ranker's own points.
+    margins come after its proposals; with any other ranker they come before its points.
     """
+    if not isinstance(ranker, RollsOutGoals):
+        return MarginRanker(ranker)
     pair = PairGoal.of(case)
-    if pair is not None and isinstance(ranker, RollsOutGoals):
-        return ranker.toward(pair)
-    return MarginRanker(ranker)
+    return ranker.toward(pair) if pair is not None else MarginRanker(ranker, first=False)
 
 
 @Part.CLIP.measured
