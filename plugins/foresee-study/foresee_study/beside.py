@@ -56,8 +56,8 @@ def readings(results: Results) -> Table:
             ]
             if lines:
                 rows += [Row(driver, kind=RowKind.HEADING), *lines]
-    told = "; ".join(f"{name}: {_READINGS.get(name, 'see its preset')}" for name in results.readings)
-    notes = (f"What the paper leaves open is read so, by preset: {told}.",)
+    readings_run = "; ".join(f"{name}: {_READINGS.get(name, 'see its preset')}" for name in results.readings)
+    notes = (f"What the paper leaves open is read so, by preset: {readings_run}.",)
     return Table("rq2_readings", "RQ2 and RQ3: the paper's figures in each reading of its mutation", tuple(columns),
                  tuple(rows), "figure", notes)  # fmt: skip
 
