@@ -47,8 +47,9 @@ def readings(results: Results) -> Table:
     rows: list[Row] = []
     if len(results.readings) > 1:
         each = [replace(results, preset=name) for name in results.readings]
-        drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
-        for driver in drivers:
+        ran = [{m.driver for m in results.campaigns if m.preset == name} for name in results.readings]
+        together = len(ran[0]) > 1 and all(drivers == ran[0] for drivers in ran)
+        for driver in (*results.drivers, *((TOGETHER,) if together else ())):
             lines = [
                 Row(f"{figure.what}{_behind(figure)}", (figure.of(driver)[1], *_values(ours)))
                 for figure in FIGURES

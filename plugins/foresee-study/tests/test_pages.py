@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from statistics import mean
@@ -104,6 +105,22 @@ def test_the_study_page_says_where_forecasting_pays(stored: dict[str, Results]) 
         assert f"| `{driver}` | {shares} | {gains} |" in text
     own, other = (colliding(results.of_campaign("fusion_safe", ranker), False) for ranker in ("foresee", "selforacle"))
     assert f"({other[0]} of {other[1]:,}; the forecast's {own[0]} of {own[1]:,})" in text
+
+
+def test_the_study_page_compares_the_readings_of_the_paper(stored: dict[str, Results]) -> None:
+    results = stored["results"]
+    with (ROOT / "docs/background/results/rq2_readings.csv").open(encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    for preset in results.readings:
+        counts = [
+            mean(m.count(Counted.COLLISIONS) for m in results.of_campaign("pdm", ranker, preset=preset))
+            for ranker in ("foresee", "selforacle", "random")
+        ]
+        figures = [float(row[f"{preset}, ours"]) for row in table]
+        assert figures[0] == pytest.approx(100 * (counts[0] / counts[2] - 1), abs=0.01)
+        assert figures[1] == pytest.approx(100 * (counts[0] / counts[1] - 1), abs=0.01)
+        over = f"{figures[0]:.0f} | {figures[1]:.0f} | {figures[2]:.2f} | {figures[3]:.2f}"
+        assert f"| {', '.join(f'{count:.3g}' for count in counts)} | {over} |" in page("study")
 
 
 def test_the_study_page_says_where_the_moments_of_selforacle_lie(stored: dict[str, Results]) -> None:
