@@ -114,9 +114,9 @@ def test_a_clip_names_the_time_of_each_track(case: TestCase, trace: Trace) -> No
     assert 'track "118"' not in late
 
 
-def test_a_vehicle_that_was_told_to_leave_and_could_not_does_so_in_the_clip(folder: Path) -> None:
-    scenario = folder / "told.foresee"
-    text = (folder / "cut.foresee").read_text(encoding="utf-8")
+def test_a_vehicle_that_was_told_to_leave_and_could_not_does_so_in_the_clip(tmp_path: Path) -> None:
+    scenario = tmp_path / "told.foresee"
+    text = write_case(tmp_path).read_text(encoding="utf-8")
     scenario.write_text(text.replace("time >= 4 s", "time >= 0.5 s"), encoding="utf-8")
     case = load_test_case(scenario)
     trace = drive(case)
@@ -126,9 +126,9 @@ def test_a_vehicle_that_was_told_to_leave_and_could_not_does_so_in_the_clip(fold
 
 @pytest.mark.parametrize("statement", ["brakes 3 m/s^2 from 3 s for 2 s", "delay 2.5 s", "timing 0.8", "line 0.5 m"])
 @pytest.mark.parametrize("at_s", [3.8, 4.4, 6.0])
-def test_a_clip_of_a_vehicle_that_leaves_its_track_changed(statement: str, at_s: float, folder: Path) -> None:
-    text = (folder / "cut.foresee").read_text(encoding="utf-8")
-    file = folder / "changed.foresee"
+def test_a_clip_of_a_vehicle_that_leaves_its_track_changed(statement: str, at_s: float, tmp_path: Path) -> None:
+    text = write_case(tmp_path).read_text(encoding="utf-8")
+    file = tmp_path / "changed.foresee"
     file.write_text(text.replace('{ track "118"', f'{{ {statement}; track "118"'), encoding="utf-8")
     case = load_test_case(file)
     trace = drive(case)
