@@ -144,7 +144,7 @@ def test_files_are_opened_in_one_place() -> None:
         "campaign/profiling/tasks.py", "campaign/execution/processes.py", "campaign/storage/soundness.py",
         "language/syntax/grammar.py", "language/codes/code.py", "report/page/html.py", "report/picture/answer.py",
         "weights.py", "selforacle/watcher.py", "faults/evidence.py", "maps/opendrive.py",
-        "maps/osm.py", "cli/about.py", "cli/writing/init.py",
+        "maps/network.py", "maps/osm.py", "cli/about.py", "cli/writing/init.py",
     }  # fmt: skip
     readers = (".read_bytes()", ".read_text(", '.open("rb")', "np.load(", "zlib.decompress(", "GzipFile(", "ZipFile(")
     allowed = {
