@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from foresee_dsl.documents import every_field, where_set
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 
@@ -61,6 +60,8 @@ class CampaignSettings:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
+        from foresee_dsl.documents import every_field, where_set  # imports pydantic, which a help text does not need
+
         return {**every_field(self), "goal": where_set(self.goal)}
 
     @property
