@@ -1,4 +1,4 @@
-"""Measures the readers on recordings of others: `python plugins/foresee-recordings/corpus/measure.py FOLDER...`.
+"""Measures the readers on recordings of others: `python -m evaluation.readers FOLDER...`.
 
 For each file: whether it comes in, the error of each position against the file's own numbers (`expected.py`), which
 share of the vehicles is on a lane of the network, and what is left out.
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from expected import EXPECTED
 from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import FloatArray, Recording
 from rich.console import Console
 from rich.table import Table
-from roads import network_of, vehicles_on_lanes
 
+from evaluation.expected import EXPECTED
+from evaluation.roads import network_of, vehicles_on_lanes
 from foresee_dsl.errors import ForeseeError
 
 SUFFIXES = (".xml", ".csv", ".parquet", ".osi", ".mcap", ".gz", ".xz")
