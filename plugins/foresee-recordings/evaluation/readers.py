@@ -1,7 +1,7 @@
 """Measures the readers on recordings of others: `python -m evaluation.readers FOLDER...`.
 
 For each file: whether it comes in, the error of each position against the file's own numbers (`expected.py`), which
-share of the vehicles is on a lane of the network, and what is left out.
+share of the vehicles is on a lane of the network, and what is left out. FCD in degrees also needs the package pyproj.
 """
 
 from __future__ import annotations
