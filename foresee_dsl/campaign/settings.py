@@ -8,7 +8,7 @@ from typing import Literal
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 
-Allocation = Literal["even", "adaptive"]
+Allocation = Literal["even", "adaptive", "stories"]
 FIRST = 1
 """Number of mutants per clip and seed in the first round."""
 
@@ -36,8 +36,9 @@ class CampaignSettings:
         repeat: number of times clips are mutated, with `seed` and the seeds after it.
         against: the reference drivers, which also drive every failing mutant.
         allocation: `even`: each clip gets `children`. `adaptive`: the same total in rounds; clips whose mutants were
-            worth more get more.
+            worth more get more. `stories`: the same total in rounds; mutants go where they may still add a story.
         rules: what it means that the ego breaks a traffic rule in a run that passes otherwise.
+        first_from: folder whose failing mutants are run first, in the clips of the same test case; "": none.
         goal: label of the expectation that the campaign searches: its margin decides what is studied, and a run that
             breaks it fails. "": collisions and other failures are searched.
     """
@@ -57,19 +58,25 @@ class CampaignSettings:
     allocation: Allocation = "even"
     rules: RulesMode = RULES_MODE
     goal: str = ""
+    first_from: str = ""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         from foresee_dsl.documents import every_field, where_set  # imports pydantic, which a help text does not need
 
-        return {**every_field(self), "goal": where_set(self.goal)}
+        return {**every_field(self), "goal": where_set(self.goal), "first_from": where_set(self.first_from)}
+
+    @property
+    def in_rounds(self) -> bool:
+        """Return whether mutants are allocated in rounds."""
+        return self.allocation != "even"
 
     @property
     def first_children(self) -> int:
         """Return the number of mutants that a clip gets with each seed before any result is known; with the allocation
         `even`, these are all mutants.
         """
-        return self.children if self.allocation == "even" else min(self.children, FIRST)
+        return min(self.children, FIRST) if self.in_rounds else self.children
 
 
 @dataclass(frozen=True)

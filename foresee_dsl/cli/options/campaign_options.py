@@ -74,10 +74,21 @@ class Flags:
         str,
         typer.Option(
             metavar="HOW",
-            help="How mutants are distributed: even (each clip gets --children) or adaptive (the same total in rounds; "
-            "clips whose mutants failed more often get more).",
+            help="How mutants are distributed: even (each clip gets --children), adaptive (the same total in rounds; "
+            "clips whose mutants failed more often get more) or stories (the same total in rounds; mutants go where "
+            "they may still add a story).",
         ),
     ] = CampaignSettings.allocation
+    first_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--first-from",
+            metavar="FOLDER",
+            help="Folder of an earlier campaign, with this or another driver, or of kept failures: mutants that failed "
+            "there are run first, in clips of the same test case.",
+            show_default=False,
+        ),
+    ] = None
     goal: Annotated[
         str,
         typer.Option(
@@ -267,6 +278,7 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
     if chosen["handover_s"] is None:
         chosen["handover_s"] = drivers_handover_s
+    chosen["first_from"] = Path(chosen["first_from"]).as_posix() if chosen["first_from"] is not None else ""
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
 
 
