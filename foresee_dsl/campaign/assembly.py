@@ -150,11 +150,11 @@ def _allocated(node: StepNode) -> _Allocated:
     if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep):
         return {}
     request = above.request
-    asked = next((child for child in request.children if child.number == step.mutant.number), None)
-    if asked is None:
+    wanted = next((child for child in request.children if child.number == step.mutant.number), None)
+    if wanted is None:
         return {"round": request.round, "why": FIRST_WHY} if request.round else {}
-    near = f"{step.name.removesuffix(asked.suffix)}{asked.near_suffix}" if asked.near_suffix else ""
-    return {"round": request.round or None, "drawn_near": near, "why": asked.why}
+    near = f"{step.name.removesuffix(wanted.suffix)}{wanted.near_suffix}" if wanted.near_suffix else ""
+    return {"round": request.round or None, "drawn_near": near, "why": wanted.why}
 
 
 def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:

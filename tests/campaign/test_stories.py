@@ -25,7 +25,7 @@ from foresee_dsl.derive.local_search import WEAKER, weaker_changes
 from foresee_dsl.derive.mutate import How
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.model import Change, Mutant, Quantity
-from foresee_dsl.language.parser import load, parse
+from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.expand import expanded_text
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from tests.campaign.test_allocation import HeardRounds
@@ -81,9 +81,7 @@ def test_a_child_that_came_near_is_forecast_and_gets_a_further_change(
     done: tuple[Path, Path, CampaignResult, HeardRounds], tmp_path: Path
 ) -> None:
     file, out, result, _ = done
-    clip, child = next(
-        (clip, child) for clip in result.clips for child in clip.children if child.name.count("_m") == 2
-    )
+    clip, child = next((clip, child) for clip in result.clips for child in clip.children if child.name.count("_m") == 2)
     base = next(other for other in clip.children if other.name == child.drawn_near)
     assert child.name.startswith(f"{base.name}_m") and base.verdict.value == "pass"
     assert child.changes[: len(base.changes)] == base.changes and len(child.changes) > len(base.changes)
@@ -154,9 +152,9 @@ def test_what_failed_before_gains_less_than_what_may_still_add_a_story() -> None
     assert ranks.fails("new", ClipGroup("3", 1), steer) > ranks.fails("new", ClipGroup("3", 2), steer)
     known = Estimates([past("a", "rear end"), past("b", "turning", avoided=True)])
     weaker = Way(("steer",), How.WEAKER)
-    assert (
-        known.gain("a", group, weaker, of_known=True).value > known.gain("b", group, weaker, of_known=True).value
-    ), "the failure of a may become avoidable"
+    assert known.gain("a", group, weaker, of_known=True).value > known.gain("b", group, weaker, of_known=True).value, (
+        "the failure of a may become avoidable"
+    )
 
 
 def test_weaker_changes_have_a_share_of_the_strength() -> None:

@@ -58,12 +58,12 @@ class ClipGroup(NamedTuple):
 
 
 class DrawnChild(NamedTuple):
-    """A drawn mutant. `node`: the step that runs it. `asked`: the request that it was drawn for."""
+    """A drawn mutant. `node`: the step that runs it. `request`: the request that it was drawn for."""
 
     node: StepNode
     step: ChildStep
     round: int
-    asked: RequestedMutant
+    request: RequestedMutant
 
 
 class Option(NamedTuple):
@@ -113,22 +113,22 @@ class Unit:
             return [SEARCHED]
         return [plan for plan in range(len(self.plans)) if plan not in self.dry]
 
-    def count(self, asked: RequestedMutant) -> None:
+    def count(self, request: RequestedMutant) -> None:
         """Count a requested draw."""
-        self.numbers = max(self.numbers, asked.number)
-        if asked.how is How.ANEW:
-            self.turns[asked.draw.plan] = max(self.turns[asked.draw.plan], asked.draw.turn + 1)
+        self.numbers = max(self.numbers, request.number)
+        if request.how is How.ANEW:
+            self.turns[request.draw.plan] = max(self.turns[request.draw.plan], request.draw.turn + 1)
         else:
-            self.uses[asked.how, asked.near_number] += 1
+            self.uses[request.how, request.near_number] += 1
 
-    def missed(self, asked: RequestedMutant) -> None:
+    def missed(self, request: RequestedMutant) -> None:
         """Count a requested draw that gave no mutant: no further one is requested in the same way."""
-        if asked.how is How.ANEW:
-            self.dry.add(asked.draw.plan)
-        elif asked.how is not How.EARLIER:
-            self.uses[asked.how, asked.near_number] += AT_MOST[asked.how]
+        if request.how is How.ANEW:
+            self.dry.add(request.draw.plan)
+        elif request.how is not How.EARLIER:
+            self.uses[request.how, request.near_number] += AT_MOST[request.how]
 
-    def request(self, number: int) -> RoundRequest:
+    def round_request(self, number: int) -> RoundRequest:
         """Return the request of a round for the wanted mutants."""
         return RoundRequest(number, tuple(self.wanted), self.plans, tuple(d.step.mutant.text for d in self.drawn))
 
@@ -168,13 +168,13 @@ class ClipDraws:
         """
         for unit in self.units:
             for drawn in unit.drawn:
-                if unit.uses[how, drawn.asked.number] >= AT_MOST[how]:
+                if unit.uses[how, drawn.request.number] >= AT_MOST[how]:
                     continue
-                if how is How.BESIDE and drawn.asked.how is How.BESIDE:
+                if how is How.BESIDE and drawn.request.how is How.BESIDE:
                     continue
                 facts = self._facts.get(drawn.node)
                 if facts and (facts.story if how is How.WEAKER else facts.nearness >= NEAR_ENOUGH):
-                    yield Option(unit, drawn.asked.draw.plan, drawn)
+                    yield Option(unit, drawn.request.draw.plan, drawn)
 
     def best_bases(self, how: How, useful: Callable[[Option], bool] = lambda _: True) -> dict[Way, Option]:
         """Return, for each way, the `useful` base that came nearest, the first one drawn of equals."""
@@ -200,13 +200,13 @@ class ClipDraws:
         unit, plan, base = option
         number = unit.numbers + 1
         if base is None:
-            asked = RequestedMutant(number, Draw(plan, unit.turns[plan]), why=why)
+            request = RequestedMutant(number, Draw(plan, unit.turns[plan]), why=why)
         else:
             near = base.step.mutant
             turn = unit.uses[how, near.number]
-            asked = RequestedMutant(number, Draw(plan, turn), how, near.text, near.number, near.suffix, why)
-        unit.count(asked)
-        unit.wanted.append(asked)
+            request = RequestedMutant(number, Draw(plan, turn), how, near.text, near.number, near.suffix, why)
+        unit.count(request)
+        unit.wanted.append(request)
 
 
 def clip_draws(units: Collection[Unit], facts: Mapping[StepNode, ChildFacts]) -> list[ClipDraws]:

@@ -79,11 +79,11 @@ class EarlierMutants:
         nearest to this one come first.
         """
         own = clip_of(clip)
-        known = [
+        failures = [
             failure for failure in self._by_case.get(own.pin, ()) if abs(failure.start_s - own.start_s) <= WITHIN_S
         ]
-        known.sort(key=lambda failure: (abs(failure.start_s - own.start_s), failure.mutant.name))
-        moved = ((failure, _moved(failure, own.start_s)) for failure in known)
+        failures.sort(key=lambda failure: (abs(failure.start_s - own.start_s), failure.mutant.name))
+        moved = ((failure, _moved(failure, own.start_s)) for failure in failures)
         texts = {print_model(mutant): failure for failure, mutant in moved if mutant is not None}
         return tuple(
             RequestedMutant(k + 1, Draw(SEARCHED, k), How.EARLIER, text, why=_why(failure.mutant))

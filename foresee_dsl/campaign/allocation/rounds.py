@@ -162,7 +162,7 @@ class Rounds:
         budget = RoundBudget(self.number, of, count, MOST * self._stages.settings.children, rng)
         self._method.give_out(clip_draws(units, self._facts), past, budget)
         asking = [unit for unit in units if unit.wanted]
-        nodes = tuple(self._stages.further(unit.clip, unit.step, unit.request(self.number)) for unit in asking)
+        nodes = tuple(self._stages.further(unit.clip, unit.step, unit.round_request(self.number)) for unit in asking)
         self.nodes += nodes
         self.begun.append(
             Round(
@@ -192,13 +192,13 @@ class Rounds:
             unit.searched = max(unit.searched, record.searched)
             children = {child.step.mutant.number: child for child in self._stages.after(node, row)
                         if isinstance(child.step, ChildStep)}  # fmt: skip
-            for asked in requested(step.request, record, self._stages.settings.first_children):
-                unit.count(asked)
-                child = children.get(asked.number)
+            for request_of_child in requested(step.request, record, self._stages.settings.first_children):
+                unit.count(request_of_child)
+                child = children.get(request_of_child.number)
                 if child is not None and isinstance(child.step, ChildStep):
-                    unit.drawn.append(DrawnChild(child, child.step, step.request.round, asked))
+                    unit.drawn.append(DrawnChild(child, child.step, step.request.round, request_of_child))
                 else:
-                    unit.missed(asked)
+                    unit.missed(request_of_child)
         return [units[name] for name in sorted(units)]
 
     def _past(self, units: list[Unit]) -> list[PastChild]:
@@ -208,7 +208,7 @@ class Rounds:
             PastChild(
                 unit.step.draft.pin,
                 unit.group,
-                unit.way(drawn.asked.draw.plan, drawn.asked.how),
+                unit.way(drawn.request.draw.plan, drawn.request.how),
                 facts,
                 facts.avoidable or self._others_avoid(drawn),
             )

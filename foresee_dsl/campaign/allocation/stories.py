@@ -107,7 +107,7 @@ class Estimates:
         self.failing: defaultdict[tuple[object, ...], Share] = defaultdict(Share)
         self._new, self._avoided = tuple(Share() for _ in NEW), Share()
         self._avoided_by: defaultdict[Way, Share] = defaultdict(Share)
-        self._asked: Counter[tuple[str, Way]] = Counter()
+        self._given_out: Counter[tuple[str, Way]] = Counter()
         """Number of mutants of this round that were given out, by clip and way."""
         self._unfailed: defaultdict[str, float] = defaultdict(lambda: 1.0)
         """Probability that no mutant of this round fails, by clip."""
@@ -129,7 +129,7 @@ class Estimates:
         factors = (self.failing[name].near(mean, weight=GROUP_WEIGHT) / mean for name in groups(way, group)[1:])
         estimate = min(1.0, mean * math.prod(factors))
         estimate = self.failing["clip", clip].near(estimate)
-        return self.failing[clip, way].near(estimate, weight=OWN_WEIGHT, more=self._asked[clip, way])
+        return self.failing[clip, way].near(estimate, weight=OWN_WEIGHT, more=self._given_out[clip, way])
 
     def gain(self, clip: str, group: ClipGroup, way: Way, *, of_known: bool = False) -> Gain:
         """Return the expected gain of an arm; `of_known`: a failure would have a story that the clip already has."""
@@ -137,20 +137,21 @@ class Estimates:
         avoided = self._avoided_by[way].near(self._avoided.near(AVOIDED))
         now, then = self._new_after(len(self.archive.by_clip.get(clip, ())))
         new = 0.0 if of_known else then + self._unfailed[clip] * (now - then)
-        known = FIRST_AVOIDED * avoided if self.archive.unavoided(clip) else 0.0
-        worth = new * (NEW_UNAVOIDED + (1 - NEW_UNAVOIDED) * avoided) + (1 - new) * (known + SIMPLER)
+        freed = FIRST_AVOIDED * avoided if self.archive.unavoided(clip) else 0.0
+        worth = new * (NEW_UNAVOIDED + (1 - NEW_UNAVOIDED) * avoided) + (1 - new) * (freed + SIMPLER)
         return Gain(fails * worth, fails)
 
     def _new_after(self, failures: int) -> tuple[float, float]:
-        """Return the probability that a failure of a clip has a new story, after so many failures of the clip and after
-        one more.
+        """Return the probability that the next failure of a clip has a new story, and that the one after it has.
+
+        `failures`: number of failures of the clip.
         """
         now, then = (min(failures + k, len(NEW) - 1) for k in (0, 1))
         return self._new[now].near(NEW[now]), self._new[then].near(NEW[then])
 
     def expect(self, clip: str, way: Way, fails: float) -> None:
         """Count a mutant of this round that has not run."""
-        self._asked[clip, way] += 1
+        self._given_out[clip, way] += 1
         self._unfailed[clip] *= 1 - fails
 
     def words(self, clip: str, group: ClipGroup, way: Way) -> str:
@@ -181,13 +182,13 @@ class Stories:
 
     def give_out(self, clips: Sequence[ClipDraws], past: Sequence[PastChild], budget: RoundBudget) -> None:
         """Request the mutants of a round; of arms with equal gains, the one whose clip has the smallest hash."""
-        estimates, given = Estimates(past), Counter[str]()
+        estimates, counts = Estimates(past), Counter[str]()
         best = {clip.pin: _best_arm(clip, estimates) for clip in clips}
         most = math.ceil(MOST * budget.children / max(1, sum(len(clip.units) for clip in clips)))
-        while given.total() < budget.children:
+        while counts.total() < budget.children:
             able = [clip for clip in clips if best[clip.pin] is not None]
             arms = [
-                (arm, clip) for clip in able if (arm := best[clip.pin]) and given[clip.pin] < most * len(clip.units)
+                (arm, clip) for clip in able if (arm := best[clip.pin]) and counts[clip.pin] < most * len(clip.units)
             ]
             if not able:
                 return
@@ -196,7 +197,7 @@ class Stories:
                 continue
             arm, clip = max(arms, key=lambda pair: pair[0].gain.value)
             clip.want(arm.option, arm.way.how, _why(clip, arm, estimates))
-            given[clip.pin] += 1
+            counts[clip.pin] += 1
             estimates.expect(clip.pin, arm.way, arm.gain.fails)
             best[clip.pin] = _best_arm(clip, estimates)
 

@@ -114,10 +114,10 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
         """Yield one step per seed."""
         s, draft = campaign.settings, above.draft
         request = RoundRequest(int(s.in_rounds), campaign.earlier.requests(draft.text) if campaign.earlier else ())
-        asked = {"asked": request.identity} if request.children else {}
+        request_part = {"asked": request.identity} if request.children else {}
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
-                               operators=campaign.operators, **asked)  # fmt: skip
+                               operators=campaign.operators, **request_part)  # fmt: skip
             yield cls(key, above.name, seed, draft, request)
 
     def again(self, request: RoundRequest, clip: ClipStep, campaign: KeyInputs) -> Self:
