@@ -112,18 +112,20 @@ class SearchRounds(Rounds):
         proposals = self._search.proposals(dimensions_of(preset(settings.preset)), np.random.default_rng(entropy))
         points, idle = next(proposals), 0
         while True:
-            chosen = self._fitting([(clips[index_at(point[0], len(clips))], point) for point in points])
-            if new := tuple(dict.fromkeys(clip for clip, _ in chosen if clip not in self.nodes)):
-                yield new
-                self._count(new)
-            requested = self._requested(chosen)
-            if requested:
-                yield tuple(requested.values())
-            runs = len(self._spent_s)
-            evaluations = self._evaluations(chosen, requested)
-            idle = 0 if len(self._spent_s) > runs or new else idle + 1
-            if len(chosen) < len(points) or idle == IDLE:
-                return
+            evaluations: list[Evaluation] = []
+            while len(evaluations) < len(points):
+                chosen = self._fitting([(clips[index_at(p[0], len(clips))], p) for p in points[len(evaluations) :]])
+                runs = len(self._spent_s)
+                if new := tuple(dict.fromkeys(clip for clip, _ in chosen if clip not in self.nodes)):
+                    yield new
+                    self._count(new)
+                requested = self._requested(chosen)
+                if requested:
+                    yield tuple(requested.values())
+                evaluations += self._evaluations(chosen, requested)
+                idle = 0 if len(self._spent_s) > runs else idle + 1
+                if not chosen or idle == IDLE:
+                    return
             try:
                 points = proposals.send(evaluations)
             except StopIteration:
