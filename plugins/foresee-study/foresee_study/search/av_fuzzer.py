@@ -67,9 +67,9 @@ class AvFuzzer:
             elif best.margin < record:
                 record = best.margin
                 if generation - begun > self.settles:
-                    found = yield from self._local(best, rng, every)
-                    population[population.index(best)] = min(best, found, key=_margin)
-                    record = min(record, found.margin)
+                    local = yield from self._local(best, rng, every)
+                    population[population.index(best)] = min(best, local, key=_margin)
+                    record = min(record, local.margin)
 
     def _local(self, around: Evaluation, rng: np.random.Generator, every: list[Point]) -> Generations:
         """Search around an individual, and return the best one (paper: the local fuzzer)."""

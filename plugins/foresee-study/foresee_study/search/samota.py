@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_study.search.protocol import FAR, OBJECTIVES, Evaluation, Point, Proposals
 
 Predicted = Callable[[FloatArray], FloatArray]
@@ -180,7 +180,7 @@ def _radial(points: FloatArray, margins: FloatArray) -> Predicted:
     return lambda at: np.clip(np.hstack([np.ones((len(at), 1)), _kernel(at, centres)]) @ weights, 0.0, FAR)
 
 
-def _clusters(points: FloatArray, near: float) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
+def _clusters(points: FloatArray, near: float) -> list[IntArray]:
     """Return the groups of points that are connected by steps of at most `near`."""
     linked = np.linalg.norm(points[:, None] - points[None], axis=2) <= near
     left, groups = set(range(len(points))), []

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_study.search.protocol import Proposals
 
 BUCKETS = 5
@@ -32,24 +32,22 @@ class _BucketSearch(ABC):
         """Return what is known about the buckets before any run, [K, D, BUCKETS]."""
 
     @abstractmethod
-    def _chosen(
-        self, known: FloatArray, runs: int, rng: np.random.Generator
-    ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    def _chosen(self, table: FloatArray, runs: int, rng: np.random.Generator) -> IntArray:
         """Return the bucket of each dimension, [D]."""
 
     @abstractmethod
-    def _learn(self, known: FloatArray, buckets: np.ndarray[tuple[int], np.dtype[np.intp]], *, good: bool) -> None:
-        """Update what is known; `good`: whether the run's margin was below the threshold."""
+    def _learn(self, table: FloatArray, buckets: IntArray, *, good: bool) -> None:
+        """Update the table; `good`: whether the run's margin was below the threshold."""
 
     def proposals(self, dimensions: int, rng: np.random.Generator) -> Proposals:
         """Draw points one by one, each from what all runs before have shown."""
-        known, runs = self._begun(dimensions), 0
+        table, runs = self._begun(dimensions), 0
         while True:
-            buckets = self._chosen(known, runs, rng)
+            buckets = self._chosen(table, runs, rng)
             values = (buckets + rng.random(dimensions)) / BUCKETS
             (evaluation,) = yield [tuple(map(float, values))]
             runs += 1
-            self._learn(known, buckets, good=evaluation.margin < self.thres)
+            self._learn(table, buckets, good=evaluation.margin < self.thres)
 
 
 @dataclass(frozen=True)
@@ -69,16 +67,14 @@ class CrossEntropy(_BucketSearch):
     def _begun(self, dimensions: int) -> FloatArray:
         return np.full((1, dimensions, BUCKETS), 1 / BUCKETS)
 
-    def _chosen(
-        self, known: FloatArray, runs: int, rng: np.random.Generator
-    ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    def _chosen(self, table: FloatArray, runs: int, rng: np.random.Generator) -> IntArray:
         del runs
-        return np.array([rng.choice(BUCKETS, p=row / row.sum()) for row in known[0]], dtype=np.intp)
+        return np.array([rng.choice(BUCKETS, p=row / row.sum()) for row in table[0]], dtype=np.intp)
 
-    def _learn(self, known: FloatArray, buckets: np.ndarray[tuple[int], np.dtype[np.intp]], *, good: bool) -> None:
+    def _learn(self, table: FloatArray, buckets: IntArray, *, good: bool) -> None:
         if good:
-            known[0] *= self.alpha
-            known[0, np.arange(len(buckets)), buckets] += 1 - self.alpha
+            table[0] *= self.alpha
+            table[0, np.arange(len(buckets)), buckets] += 1 - self.alpha
 
 
 @dataclass(frozen=True)
@@ -93,18 +89,16 @@ class Bandit(_BucketSearch):
     thres: float = 1.0
 
     def _begun(self, dimensions: int) -> FloatArray:
-        known = np.zeros((2, dimensions, BUCKETS))
-        known[0] = 1.0  # each bucket counts as tried once, so that the bound is finite
-        return known
+        table = np.zeros((2, dimensions, BUCKETS))
+        table[0] = 1.0  # each bucket counts as drawn once, so that the bound is finite
+        return table
 
-    def _chosen(
-        self, known: FloatArray, runs: int, rng: np.random.Generator
-    ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        tried, good = known
-        bound = good / tried + np.sqrt(2 * np.log(runs + 1) / tried)
+    def _chosen(self, table: FloatArray, runs: int, rng: np.random.Generator) -> IntArray:
+        counts, good = table
+        bound = good / counts + np.sqrt(2 * np.log(runs + 1) / counts)
         return np.array([rng.choice(np.flatnonzero(np.isclose(row, row.max()))) for row in bound], dtype=np.intp)
 
-    def _learn(self, known: FloatArray, buckets: np.ndarray[tuple[int], np.dtype[np.intp]], *, good: bool) -> None:
+    def _learn(self, table: FloatArray, buckets: IntArray, *, good: bool) -> None:
         at = np.arange(len(buckets)), buckets
-        known[0][at] += 1
-        known[1][at] += good
+        table[0][at] += 1
+        table[1][at] += good

@@ -74,8 +74,8 @@ class SearchStages(Stages):
         """Return the clips of a test case, in the order of time; none if it did not pass."""
         row = self.row(seed)
         forecast = next((n for n in self.after(seed, row) if n.step.kind == "forecast"), None) if row else None
-        found = self.row(forecast) if forecast is not None else None
-        return super().after(forecast, found) if forecast is not None and found is not None else ()
+        clips = self.row(forecast) if forecast is not None else None
+        return super().after(forecast, clips) if forecast is not None and clips is not None else ()
 
 
 class SearchRounds(Rounds):

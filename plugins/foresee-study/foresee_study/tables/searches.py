@@ -132,10 +132,10 @@ def _simulated_s(case: MeasuredCase) -> float:
 def _steered_share(measured: MeasuredCampaign) -> float | None:
     """Return the share of the findings in which an actor was steered into the ego, %; None if there is no finding, or
     if the file does not say it."""
-    found = {child.story: child.steered for child in measured.children_run if child.verdict.is_collision}
-    if not found or None in found.values():
+    steered = {child.story: child.steered for child in measured.children_run if child.verdict.is_collision}
+    if not steered or None in steered.values():
         return None
-    return 100 * sum(map(bool, found.values())) / len(found)
+    return 100 * sum(map(bool, steered.values())) / len(steered)
 
 
 def stories(campaigns: Sequence[MeasuredCampaign]) -> frozenset[tuple[str, str]]:
