@@ -88,13 +88,13 @@ def _rates(results: Results, by_driver: dict[str, Techniques]) -> Table:
         "the rate of the stories of each test case, scaled to the rate of the campaign's.",
         "Steered into the ego: the mutation turned the wheels, or moved the line, of the actor that the ego collides "
         "with, towards the ego before the contact, and this actor moved (its story says so). Stories of the exhaustive "
-        "search: those that this search finds in the same test case.",
+        "search: how many of its findings are found, with the same preset.",
     )
     return Table("search", "Search: rankers and searches at equal simulated time", columns, tuple(rows), "technique",
                  notes)  # fmt: skip
 
 
-def _values(campaigns: Sequence[MeasuredCampaign], every: frozenset[tuple[str, str]]) -> Iterator[Value]:
+def _values(campaigns: Sequence[MeasuredCampaign], every: frozenset[str]) -> Iterator[Value]:
     hours = sum(m.simulated_s for m in campaigns) / 3600
     yield hours / len(campaigns)
     yield mean(m.clips for m in campaigns)
@@ -138,15 +138,9 @@ def _steered_share(measured: MeasuredCampaign) -> float | None:
     return 100 * sum(map(bool, steered.values())) / len(steered)
 
 
-def stories(campaigns: Sequence[MeasuredCampaign]) -> frozenset[tuple[str, str]]:
-    """Return the stories of all failures that end in a collision, each with its test case."""
-    return frozenset(
-        (case.name, child.story)
-        for m in campaigns
-        for case in m.usable
-        for child in case.children
-        if child.verdict.is_collision
-    )
+def stories(campaigns: Sequence[MeasuredCampaign]) -> frozenset[str]:
+    """Return the stories of all findings."""
+    return frozenset(child.story for m in campaigns for child in m.children_run if child.verdict.is_collision)
 
 
 def _statistics(by_driver: dict[str, Techniques]) -> Table:
