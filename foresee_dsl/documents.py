@@ -12,6 +12,7 @@ which is then called with a stand-in for the record: it knows the types of the a
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 import types
@@ -117,8 +118,9 @@ class _StandIn:
         if callable(call):
             member = get_type_hints(call, include_extras=True)["return"]
         else:  # resolve this field alone: other fields may have types that exist only for the type checker
-            holder = types.SimpleNamespace(__annotations__={name: kind.__annotations__[name]})
-            member = get_type_hints(holder, vars(sys.modules[kind.__module__]), include_extras=True)[name]
+            owner = next(part for part in kind.__mro__ if name in inspect.get_annotations(part))
+            holder = types.SimpleNamespace(__annotations__={name: owner.__annotations__[name]})
+            member = get_type_hints(holder, vars(sys.modules[owner.__module__]), include_extras=True)[name]
         return _StandIn(member, null=null)
 
     def __call__(self) -> _StandIn:

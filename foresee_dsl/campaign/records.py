@@ -19,20 +19,27 @@ from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
 from foresee_dsl.documents import or_null, rounded, where_set
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.goal import GoalMargin
-from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
-from foresee_dsl.simulate.rules.infraction import Infraction
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict
 from foresee_dsl.story import Story
 
 
-class Judged:
-    """Base of the records of failures: the judges' answers, and properties computed from them."""
+@dataclass(frozen=True, kw_only=True)
+class JudgedRun(RunRecord):
+    """The run of a test case or a mutant in a campaign, with the judges' answers if it failed.
 
-    judgements: tuple[AnyJudgement, ...]
-    references: tuple[ReferenceRun, ...]
-    story: Story | None
-    verdict: Verdict
-    goal: GoalMargin | None
+    Attributes:
+        judgements, story: for a failure, the judges' answers and what happened.
+        references: for a failure, its runs with reference drivers.
+        goal: how near the run came to breaking the campaign's goal; None without a goal.
+        meaning: hash of the test case's meaning, by which another campaign finds the same test case.
+    """
+
+    judgements: tuple[AnyJudgement, ...] = ()
+    references: tuple[ReferenceRun, ...] = ()
+    story: Story | None = None
+    goal: GoalMargin | None = None
+    meaning: str = ""
 
     @property
     def breaks_goal(self) -> bool:
@@ -73,34 +80,19 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class CaseRunOutcome(Judged):
+class CaseRunOutcome(JudgedRun):
     """The run of one test case without mutation. `judgements` and `story` exist for failures, `notes` if there are
-    any."""
+    any.
+
+    `trace`: its file in the campaign's folder, or "".
+    """
 
     id: str
-    family: str
-    scenario: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    wall_s: float
+    family: str = ""
+    scenario: str = ""
+    wall_s: float = 0.0
     trace: str = ""
-    meaning: str = ""
-    """Hash of the test case's meaning (as for a mutant), by which another campaign finds the same test case."""
     risky_points: int = 0
-    impact: Impact | None = None
-    near: NearMisses | None = None
-    judgements: tuple[AnyJudgement, ...] = ()
-    story: Story | None = None
-    notes: DriverNotes | None = None
-    references: tuple[ReferenceRun, ...] = ()
-    """For a failure, its runs with reference drivers."""
-    broken_expectations: tuple[str, ...] = ()
-    """The broken expectations, one sentence each."""
-    infractions: tuple[Infraction, ...] = ()
-    """The traffic rules that the ego broke, in the order of time."""
-    goal: GoalMargin | None = None
-    """How near the run came to breaking the campaign's goal; None without a goal."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -120,15 +112,15 @@ class CaseRunOutcome(Judged):
             "anticipation": self.anticipation,
             "references": self.references,
             "story": self.story,
-            "notes": self.notes,
+            "notes": self.noted,
             "trace": self.trace,
             "goal": where_set(self.goal),
         }
 
     @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
+    def noted(self) -> DriverNotes | None:
+        """Return the notes for the driver's developer; None if there are none."""
+        return self.notes if self.notes != NO_NOTES else None
 
 
 @dataclass(frozen=True)
@@ -184,38 +176,17 @@ class Mutants:
 
 
 @dataclass(frozen=True)
-class ChildOutcome(Judged):
+class ChildOutcome(JudgedRun):
     """The run of one mutant; `text` already contains the result. `judgements` and `story` exist for failures."""
 
     name: str
-    file: str
-    text: str
-    operators: tuple[str, ...]
-    verdict: Verdict
-    with_: str
-    reason: str
-    time_s: float
-    duration_s: float
-    digest: str
-    meaning: str = ""
-    judgements: tuple[AnyJudgement, ...] = ()
-    impact: Impact | None = None
-    near: NearMisses | None = None
-    story: Story | None = None
-    notes: DriverNotes | None = None
-    """Notes about a run that did not pass, if there are any."""
-    references: tuple[ReferenceRun, ...] = ()
-    """For a failure, its runs with reference drivers."""
+    file: str = ""
+    text: str = ""
+    operators: tuple[str, ...] = ()
     round: int | None = None
     """Round that requested it, if mutants are allocated in rounds."""
     drawn_near: str = ""
     """Name of the earlier mutant whose changes this one varies; empty if it was drawn independently."""
-    broken_expectations: tuple[str, ...] = ()
-    """See `CaseRunOutcome`."""
-    infractions: tuple[Infraction, ...] = ()
-    """See `CaseRunOutcome`."""
-    goal: GoalMargin | None = None
-    """See `CaseRunOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -243,11 +214,6 @@ class ChildOutcome(Judged):
         }
 
     @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
-
-    @property
     def changes(self) -> list[str]:
         """Return the mutant's changes as the text of its file; parsing 1,200 mutants for the same text would take
         seconds.
@@ -262,13 +228,12 @@ class ChildOutcome(Judged):
 
 
 @dataclass(frozen=True)
-class ClipOutcome:
+class ClipOutcome(RunRecord):
     """The run of one clip without mutation, and its mutants.
 
     `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median of the largest deviations of
     the other actors. `within`: share of the other actors that stayed within 0.1 m of their places in that run.
-    `others_m`: largest
-        deviation of each other actor. `ego_m`: the deviation of the ego.
+    `others_m`: largest deviation of each other actor. `ego_m`: the deviation of the ego.
     """
 
     seed: str
@@ -277,18 +242,13 @@ class ClipOutcome:
     file: str
     text: str
     rank: int
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    wall_s: float
-    largest_m: float
-    median_m: float
-    within: float
+    wall_s: float = 0.0
+    largest_m: float = 0.0
+    median_m: float = 0.0
+    within: float = 1.0
     children: tuple[ChildOutcome, ...] = ()
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
-    notes: DriverNotes | None = None
-    """See `ChildOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""

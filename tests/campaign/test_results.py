@@ -16,11 +16,15 @@ from foresee_dsl.simulate.results.verdict import Verdict
 
 
 def seed(name: str, family: str, verdict: Verdict = Verdict.PASS, points: int = 0) -> CaseRunOutcome:
-    return CaseRunOutcome(name, family, "s", verdict, verdict.value, 30.0, 1.0, "t.npz", points)
+    return CaseRunOutcome(
+        name, family, "s", 1.0, "t.npz", points, verdict=verdict, reason=verdict.value, duration_s=30.0
+    )
 
 
 def child(name: str, verdict: Verdict, operators: tuple[str, ...], time_s: float) -> ChildOutcome:
-    return ChildOutcome(name, f"{name}.foresee", "", operators, verdict, "", verdict.value, time_s, 10.0, "")
+    return ChildOutcome(
+        name, f"{name}.foresee", "", operators, verdict=verdict, reason=verdict.value, time_s=time_s, duration_s=10.0
+    )
 
 
 def clip(of: str, rank: int, *children: ChildOutcome, deviation: float = 0.0) -> ClipOutcome:
