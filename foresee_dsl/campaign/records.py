@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, Self, get_args
 
 from pydantic import TypeAdapter
 
@@ -16,7 +18,7 @@ from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
-from foresee_dsl.documents import or_null, rounded, where_set
+from foresee_dsl.documents import or_null, read_fields, read_record, rounded, where_set
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.run_record import RunRecord
@@ -40,6 +42,17 @@ class JudgedRun(RunRecord):
     story: Story | None = None
     goal: GoalMargin | None = None
     meaning: str = ""
+
+    @classmethod
+    def from_document(cls, data: Mapping[str, Any]) -> Self:
+        """Return the run that a JSON document states. A child has no text, and a file only if it failed."""
+        return cls(**cls._fields_in(data))
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        judges: dict[str, type[AnyJudgement]] = {"preventability": Preventability, "anticipation": Anticipation}
+        answers = tuple(read_record(kind, data[key]) for key, kind in judges.items() if data.get(key))
+        return {**read_fields(cls, data), "judgements": answers}
 
     @property
     def breaks_goal(self) -> bool:
@@ -116,6 +129,11 @@ class CaseRunOutcome(JudgedRun):
             "trace": self.trace,
             "goal": where_set(self.goal),
         }
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        notes = data.get("notes")
+        return {**super()._fields_in(data), "notes": read_record(DriverNotes, notes) if notes else NO_NOTES}
 
     @property
     def noted(self) -> DriverNotes | None:
@@ -213,6 +231,10 @@ class ChildOutcome(JudgedRun):
             "goal": where_set(self.goal),
         }
 
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        return {**super()._fields_in(data), "file": data.get("file") or ""}
+
     @property
     def changes(self) -> list[str]:
         """Return the mutant's changes as the text of its file; parsing 1,200 mutants for the same text would take
@@ -237,11 +259,11 @@ class ClipOutcome(RunRecord):
     """
 
     seed: str
-    family: str
-    name: str
-    file: str
-    text: str
-    rank: int
+    family: str = ""
+    name: str = ""
+    file: str = ""
+    text: str = ""
+    rank: int = 0
     wall_s: float = 0.0
     largest_m: float = 0.0
     median_m: float = 0.0
@@ -264,6 +286,17 @@ class ClipOutcome(RunRecord):
             "within_0.1_m": rounded(self.within, 4),
             "children": self.children,
         }
+
+    @classmethod
+    def from_document(cls, data: Mapping[str, Any]) -> Self:
+        """Return the clip that a JSON document states, without its text."""
+        keys = {"largest_m": "max", "median_m": "median_others", "ego_m": "ego"}
+        deviation_m = data.get("deviation_m", {})
+        fields = read_fields(cls, data)
+        for name, key in keys.items():
+            if key in deviation_m:
+                fields[name] = math.inf if deviation_m[key] is None else deviation_m[key]
+        return cls(**fields)
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:

@@ -23,6 +23,7 @@ from foresee_dsl.campaign.regression.expectations import (
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.report.terminal.comparison import to_markdown
+from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.run_record import RunRecord
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, Verdict
 
@@ -130,8 +131,9 @@ def test_the_exact_p_is_the_sum_of_splits_that_are_no_more_probable(one: int, ot
 
 def side(label: str, verdicts: dict[str, Verdict], near: dict[str, float]) -> Side:
     runs = (
-        ComparedRun(f"sha256:{name}", name, "3" if name < "f" else "4", verdict, f"{verdict} <b>|</b>",
-            {"ttc_s": {"value": near[name], "time_s": 1.0, "with": "walker"}} if name in near else {})
+        ComparedRun(f"sha256:{name}", name, "3" if name < "f" else "4", verdict=verdict,
+            reason=f"{verdict} <b>|</b>",
+            near=NearMisses(None, NearMiss(near[name], 1.0, "walker") if name in near else None, None, None))
         for name, verdict in verdicts.items()
     )  # fmt: skip
     return Side(label, tuple(runs))
