@@ -105,15 +105,14 @@ def _result(step: AnyStep, work: Work) -> tuple[records.Record, bool]:
     match step:
         case CaseStep():
             return records.CaseRunOutcome(
-                load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0
+                load_case(work.case).id, "", "made_up", verdict=Verdict.PASS, reason="made up", duration_s=10.0
             ), True
         case ForecastStep():
             return records.Forecast(9, tuple(_draft(step, work, rank) for rank in range(1, 5))), False
         case ClipStep():
             return records.ClipOutcome(
                 seed="", family="", name=step.name, file="", text=step.draft.text, rank=step.rank, verdict=Verdict.PASS,
-                reason="made up", duration_s=10.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0,
-                others_m=(0.0,) * 20,
+                reason="made up", duration_s=10.0, others_m=(0.0,) * 20,
             ), True  # fmt: skip
         case MutantsStep():
             again = f"_s{step.seed}" if step.seed else ""
@@ -122,7 +121,8 @@ def _result(step: AnyStep, work: Work) -> tuple[records.Record, bool]:
             fails = step.name.endswith("1")
             return records.ChildOutcome(
                 step.name, (work.folder / f"{step.name}.foresee").as_posix(), step.mutant.text, ("timing",),
-                Verdict.F4 if fails else Verdict.PASS, "other", "made up", 5.0, 10.0, "sha256:0123456789abcdef",
+                verdict=Verdict.F4 if fails else Verdict.PASS, with_="other", reason="made up", time_s=5.0,
+                duration_s=10.0, digest="sha256:0123456789abcdef",
             ), fails  # fmt: skip
     raise TypeError(f"no result is made up for a {step.kind}")
 

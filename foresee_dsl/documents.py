@@ -7,15 +7,18 @@ order of the document:
         return {"name": self.name, "class": self.story and self.story.contact, "time_s": rounded(self.time_s, 2)}
 
 The method returns attributes (also of other records), or nested objects of them. The schema comes from the same method,
-which is then called with a stand-in for the record: it knows the types of the attributes instead of their values.
+which is then called with a stand-in for the record: it knows the types of the attributes instead of their values. So
+does reading: `read_record` puts the value of a key into the field that `as_document` wrote there. A class whose
+document has more to read has a class method `from_document`, too.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -23,6 +26,7 @@ from pathlib import PurePath
 from typing import (
     Any,
     NotRequired,  # pydantic requires this one before Python 3.12
+    TypeVar,
     Union,
     get_args,
     get_origin,
@@ -32,6 +36,7 @@ from typing import (
 from pydantic import BaseModel
 from typing_extensions import TypedDict
 
+Record = TypeVar("Record")
 _PLAIN = frozenset((str, int, bool, types.NoneType))
 
 
@@ -72,7 +77,7 @@ def rounded(value: object, digits: int) -> object:
 def or_null(value: object) -> object:
     """Return a value of a document; None if it is empty or a float that is not finite."""
     if isinstance(value, _StandIn):
-        return _StandIn(value._type, null=True)
+        return _StandIn(value._type, null=True, path=value._path)
     empty = not math.isfinite(value) if isinstance(value, float) else not value and value != 0
     return None if empty else value
 
@@ -80,7 +85,7 @@ def or_null(value: object) -> object:
 def where_set(value: object) -> object:
     """Return a value of a document; if it is None or an empty text, the document does not have its key."""
     if isinstance(value, _StandIn):
-        return _StandIn(value._type, optional=True)
+        return _StandIn(value._type, optional=True, path=value._path)
     return _ABSENT if value is None or value == "" else value
 
 
@@ -100,12 +105,20 @@ class _StandIn:
     """Stands for a record in `as_document`: its attributes are stand-ins for values of their types.
 
     `_type`: the type of the value. `_null`: the value may also be None. `_optional`: the document may lack the key.
+    `_path`: the attributes that lead from the record to the value.
     """
 
-    __slots__ = ("_null", "_optional", "_type")
+    __slots__ = ("_null", "_optional", "_path", "_type")
 
-    def __init__(self, type_: Any, *, null: bool = False, optional: bool = False) -> None:  # noqa: ANN401 - any type
-        self._type, self._null, self._optional = type_, null, optional
+    def __init__(
+        self,
+        type_: Any,  # noqa: ANN401 - any type
+        *,
+        null: bool = False,
+        optional: bool = False,
+        path: tuple[str, ...] = (),
+    ) -> None:
+        self._type, self._null, self._optional, self._path = type_, null, optional, path
 
     def __getattr__(self, name: str) -> _StandIn:
         kind, null = self._type, self._null
@@ -117,9 +130,10 @@ class _StandIn:
         if callable(call):
             member = get_type_hints(call, include_extras=True)["return"]
         else:  # resolve this field alone: other fields may have types that exist only for the type checker
-            holder = types.SimpleNamespace(__annotations__={name: kind.__annotations__[name]})
-            member = get_type_hints(holder, vars(sys.modules[kind.__module__]), include_extras=True)[name]
-        return _StandIn(member, null=null)
+            owner = next(part for part in kind.__mro__ if name in inspect.get_annotations(part))
+            holder = types.SimpleNamespace(__annotations__={name: owner.__annotations__[name]})
+            member = get_type_hints(holder, vars(sys.modules[owner.__module__]), include_extras=True)[name]
+        return _StandIn(member, null=null, path=(*self._path, name))
 
     def __call__(self) -> _StandIn:
         """Return a stand-in for the value of a method without arguments."""
@@ -160,6 +174,62 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
 def _not_none(kind: Any) -> Any:  # noqa: ANN401 - a type of any kind
     """Return the type of the values of `kind` that are not None."""
     return Union[tuple(part for part in get_args(kind) if part is not types.NoneType) or (kind,)]  # noqa: UP007
+
+
+def read_record(kind: type[Record], data: Mapping[str, Any]) -> Record:
+    """Return the record whose document `plain` wrote.
+
+    Computed values are not read, because the record computes them again. A field that the document lacks has its
+    default, a number that is null is infinite.
+
+    Raises:
+        KeyError: the document lacks the key of a field without a default; or what `data` raises for a missing key.
+    """
+    own: Callable[[Mapping[str, Any]], Record] | None = getattr(kind, "from_document", None)
+    return own(data) if own is not None else kind(**read_fields(kind, data))
+
+
+def read_fields(kind: Any, data: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ANN401 - a class of records
+    """Return the values of a record's fields by name, for `from_document`; see `read_record`."""
+    required = _required(kind)
+    return {
+        name: _read(type_, data[key])
+        for key, (name, type_) in _fields_by_key(kind).items()
+        if name in required or key in data
+    }
+
+
+def _read(kind: Any, value: Any) -> Any:  # noqa: ANN401 - types and values of any kind
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        return None if value is None else _read(next(part for part in parts if part is not types.NoneType), value)
+    if value is None and kind in (float, str):
+        return {float: math.inf, str: ""}[kind]
+    if origin is tuple:
+        return tuple(_read(parts[0], part) for part in value)
+    if isinstance(kind, type) and (is_dataclass(kind) or hasattr(kind, "_fields")):
+        return read_record(kind, value)
+    return kind(value) if kind is float or (isinstance(kind, type) and issubclass(kind, Enum)) else value
+
+
+@cache
+def _fields_by_key(kind: Any) -> dict[str, tuple[str, Any]]:  # noqa: ANN401 - as above
+    """Return the name and the type of the field that each key of a record's document holds, if it holds one."""
+    record = _StandIn(kind)
+    document = kind.as_document(record) if hasattr(kind, "as_document") else every_field(record)
+    names = {(name,): name for name in _names(kind)}
+    return {
+        key: (names[part._path], part._type)
+        for key, part in document.items()
+        if isinstance(part, _StandIn) and part._path in names
+    }
+
+
+@cache
+def _required(kind: Any) -> frozenset[str]:  # noqa: ANN401 - as above
+    """Return the names of a record's fields that have no default."""
+    parameters = inspect.signature(kind).parameters.values()
+    return frozenset(part.name for part in parameters if part.default is inspect.Parameter.empty)
 
 
 @cache

@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import combinations
 
-from foresee_dsl.avoidance.comparison import EARLIER_S, Comparison, compared
+from foresee_dsl.avoidance.comparison import EARLIER_S, NOT_COMPARED, compared
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.documents import or_null
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.simulate.results.outcome import contact_of
+from foresee_dsl.simulate.results.run_record import RunRecord
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
@@ -40,20 +41,17 @@ Drive = Callable[[frozenset[DriverPart]], RunResult]
 
 
 @dataclass(frozen=True)
-class IdealRun:
+class IdealRun(RunRecord):
     """A failing test case, driven again with ideal parts.
 
     Attributes:
-        parts: the ideal parts. verdict, reason, duration_s: how the run ended.
+        parts: the ideal parts.
         how: how the driver reacts where it failed, in phrases.
         apart: why a passing run does not show that the failure goes away; "" if it does.
         late_s: how much later it would come to the place of the failure, if it is not comparable for that reason, s.
     """
 
     parts: Parts
-    verdict: Verdict
-    reason: str
-    duration_s: float
     how: tuple[str, ...] = ()
     apart: str = ""
     late_s: float = 0.0
@@ -94,13 +92,13 @@ def ideal_run(parts: Iterable[DriverPart], failed: RunResult, bundle: SumoBundle
     """Drive a failing run's test case again with these ideal parts."""
     wanted = frozenset(parts)
     result = drive(wanted)
-    comparison = Comparison()
+    comparison = NOT_COMPARED
     if result.verdict is Verdict.PASS:
         sensors = IDEAL if DriverPart.PERCEPTION in wanted else STANDARD
         comparison = compared(failed.trace, result.trace, bundle, sensors)
     ordered = tuple(part for part in DriverPart if part in wanted)
     apart = "" if comparison.met else comparison.apart
-    return IdealRun(ordered, result.verdict, result.reason, result.duration_s, comparison.how, apart, comparison.late_s)
+    return IdealRun.of(result, parts=ordered, how=comparison.how, apart=apart, late_s=comparison.late_s)
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,10 @@ class Comparison:
     late_s: float = 0.0
 
 
+NOT_COMPARED = Comparison()
+"""In place of a comparison if there is nothing to compare."""
+
+
 def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> Comparison:
     """Return whether the driver of a passing run avoided the failure of another run, and by which reaction.
 

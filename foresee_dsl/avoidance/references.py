@@ -6,20 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from foresee_dsl.avoidance.comparison import Comparison, compared
+from foresee_dsl.avoidance.comparison import NOT_COMPARED, Comparison, compared
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.documents import or_null
 from foresee_dsl.drivers.registry import sees_all
+from foresee_dsl.simulate.results.run_record import RunRecord
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
 
 
 @dataclass(frozen=True)
-class ReferenceRun:
+class ReferenceRun(RunRecord):
     """A failing test case or child, driven by another driver: a `Judgement`.
 
     Attributes:
-        driver: the driver's address. verdict, reason, duration_s: the outcome of its run.
+        driver: the driver's address.
         before: verdict of the unmutated clip with the same driver; None if the child did not pass, so that the clip
             was not run, or for a test case, which has no clip.
         how: how it reacts where the failing driver failed, in phrases.
@@ -28,9 +29,6 @@ class ReferenceRun:
     """
 
     driver: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
     before: Verdict | None = None
     how: tuple[str, ...] = ()
     apart: str = ""
@@ -114,13 +112,19 @@ class ReferenceDriver:
         """Return the run of the failing test case; if the driver passes, with its verdict on the unmutated clip."""
         result = self.drive()
         if result.verdict is not Verdict.PASS:
-            return ReferenceRun(self.driver, result.verdict, result.reason, result.duration_s)
+            return self._run(result)
         before = self.before() if self.before is not None else None
-        comparison = Comparison()
+        comparison = NOT_COMPARED
         if failure.trace is not None and failure.compiled is not None:
             comparison = compared(
                 failure.trace, result.trace, failure.compiled, IDEAL if sees_all(self.driver) else STANDARD
             )
+        return self._run(result, before, comparison)
+
+    def _run(
+        self, result: RunResult, before: Verdict | None = None, comparison: Comparison = NOT_COMPARED
+    ) -> ReferenceRun:
         return ReferenceRun(
-            self.driver, result.verdict, result.reason, result.duration_s, before, comparison.how, comparison.apart
-        )
+            self.driver, before, comparison.how, comparison.apart,
+            verdict=result.verdict, reason=result.reason, duration_s=result.duration_s,
+        )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 from foresee_dsl.campaign.driving import driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.execution.runs import broken_verdict, or_driver_error
+from foresee_dsl.campaign.execution.runs import broken_run, or_driver_error
 from foresee_dsl.campaign.timed_driver import TimedDriver
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
@@ -22,9 +22,8 @@ from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
-from foresee_dsl.simulate.rules.infraction import Infraction
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0
@@ -37,33 +36,21 @@ APART_S = 0.5
 
 
 @dataclass(frozen=True)
-class DriverRun:
+class DriverRun(RunRecord):
     """One test case driven by one driver.
 
     Attributes:
         driver: the driver's address. version: the driver's version. way_m: distance driven by the ego. hard_brakings:
-            number of hard brakings. step_ms: mean wall time of the driver's decision. digest: digest of the trace,
-            equal for equal runs; "" if the process died or was ended. notes: prints and errors of the driver.
+            number of hard brakings. step_ms: mean wall time of the driver's decision.
     """
 
     case: str
     family: str
     driver: str
-    version: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    way_m: float
-    hard_brakings: int
-    step_ms: float
-    digest: str
-    notes: DriverNotes = NO_NOTES
-    broken_expectations: tuple[str, ...] = ()
-    """The broken expectations, one sentence each."""
-    infractions: tuple[Infraction, ...] = ()
-    """The traffic rules that the ego broke, in the order of time."""
-    near: NearMisses | None = None
-    """How near the run came to a failure."""
+    version: str = ""
+    way_m: float = 0.0
+    hard_brakings: int = 0
+    step_ms: float = 0.0
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -86,11 +73,6 @@ class DriverRun:
             "traceback": self.notes.traceback,
             "hang": self.notes.hang,
         }
-
-    @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
 
 
 @dataclass(frozen=True)
@@ -218,20 +200,18 @@ def assess_drivers(
         for task, outcome in pool.results():
             if isinstance(outcome, DriverError):
                 raise outcome
-            driver_run = _broken(*pairs[int(task.key)], outcome) if isinstance(outcome, BrokenTask) else outcome
+            case, driver = pairs[int(task.key)]
+            driver_run = (
+                broken_run(DriverRun, outcome, case=case.id, family=case.family, driver=driver)
+                if isinstance(outcome, BrokenTask)
+                else outcome
+            )
             runs.append(driver_run)
             on_run(driver_run)
             if fail_fast and not driver_run.passed:
                 break
     runs.sort(key=lambda driver_run_: (list(drivers).index(driver_run_.driver), driver_run_.case))
     return tuple(runs)
-
-
-def _broken(case: TestCase, driver: str, broken: BrokenTask) -> DriverRun:
-    """Return the record of a run whose process died or was ended."""
-    verdict, reason = broken_verdict(broken)
-    return DriverRun(case.id, case.family, driver, "", verdict, reason, 0.0, 0.0, 0, 0.0, "",
-                     DriverNotes(output=broken.output))  # fmt: skip
 
 
 def run_one(
@@ -246,21 +226,16 @@ def run_one(
 
     result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines, rules=rules)
     timed = drivers[-1]  # if a run was repeated for a check, the last run counts
-    return DriverRun(
+    return DriverRun.of(
+        result,
         case=case.id,
         family=case.family,
         driver=driver,
         version=timed.version,
-        verdict=result.verdict,
-        reason=result.reason,
-        duration_s=result.duration_s,
         way_m=float(np.nansum(result.trace.states[:, 0, SPEED])) * STEP_S,
         hard_brakings=hard_brakings(result.trace),
         step_ms=sum(timed.step_s) / max(len(timed.step_s), 1) * 1000,
         digest=result.trace.digest,
-        notes=result.notes,
-        broken_expectations=result.broken_expectations,
-        infractions=result.infractions,
         near=result.near_misses,
     )
 

@@ -159,10 +159,9 @@ class _NotMade:
         raise NotImplementedError
 
 
-def notes_of(result: RunResult) -> DriverNotes | None:
+def notes_of(result: RunResult) -> DriverNotes:
     """Return the driver's notes on a run that are stored; for a run that passed, only its changes to the process."""
-    notes = result.notes if result.verdict is not Verdict.PASS else DriverNotes(changed=result.notes.changed)
-    return notes if notes != DriverNotes() else None
+    return result.notes if result.verdict is not Verdict.PASS else DriverNotes(changed=result.notes.changed)
 
 
 def recorded_run(origin: Origin | None) -> tuple[str, int]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, Self, get_args
 
 from pydantic import TypeAdapter
 
@@ -16,23 +18,41 @@ from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
-from foresee_dsl.documents import or_null, rounded, where_set
+from foresee_dsl.documents import or_null, read_fields, read_record, rounded, where_set
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.goal import GoalMargin
-from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict, passes
-from foresee_dsl.simulate.rules.infraction import Infraction
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict
 from foresee_dsl.story import Story
 
 
-class Judged:
-    """Base of the records of failures: the judges' answers, and properties computed from them."""
+@dataclass(frozen=True, kw_only=True)
+class JudgedRun(RunRecord):
+    """The run of a test case or a mutant in a campaign, with the judges' answers if it failed.
 
-    judgements: tuple[AnyJudgement, ...]
-    references: tuple[ReferenceRun, ...]
-    story: Story | None
-    verdict: Verdict
-    goal: GoalMargin | None
+    Attributes:
+        judgements, story: for a failure, the judges' answers and what happened.
+        references: for a failure, its runs with reference drivers.
+        goal: how near the run came to breaking the campaign's goal; None without a goal.
+        meaning: hash of the test case's meaning, by which another campaign finds the same test case.
+    """
+
+    judgements: tuple[AnyJudgement, ...] = ()
+    references: tuple[ReferenceRun, ...] = ()
+    story: Story | None = None
+    goal: GoalMargin | None = None
+    meaning: str = ""
+
+    @classmethod
+    def from_document(cls, data: Mapping[str, Any]) -> Self:
+        """Return the run that a JSON document states. A child has no text, and a file only if it failed."""
+        return cls(**cls._fields_in(data))
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        judges: dict[str, type[AnyJudgement]] = {"preventability": Preventability, "anticipation": Anticipation}
+        answers = tuple(read_record(kind, data[key]) for key, kind in judges.items() if data.get(key))
+        return {**read_fields(cls, data), "judgements": answers}
 
     @property
     def breaks_goal(self) -> bool:
@@ -73,34 +93,19 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class CaseRunOutcome(Judged):
+class CaseRunOutcome(JudgedRun):
     """The run of one test case without mutation. `judgements` and `story` exist for failures, `notes` if there are
-    any."""
+    any.
+
+    `trace`: its file in the campaign's folder, or "".
+    """
 
     id: str
-    family: str
-    scenario: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    wall_s: float
+    family: str = ""
+    scenario: str = ""
+    wall_s: float = 0.0
     trace: str = ""
-    meaning: str = ""
-    """Hash of the test case's meaning (as for a mutant), by which another campaign finds the same test case."""
     risky_points: int = 0
-    impact: Impact | None = None
-    near: NearMisses | None = None
-    judgements: tuple[AnyJudgement, ...] = ()
-    story: Story | None = None
-    notes: DriverNotes | None = None
-    references: tuple[ReferenceRun, ...] = ()
-    """For a failure, its runs with reference drivers."""
-    broken_expectations: tuple[str, ...] = ()
-    """The broken expectations, one sentence each."""
-    infractions: tuple[Infraction, ...] = ()
-    """The traffic rules that the ego broke, in the order of time."""
-    goal: GoalMargin | None = None
-    """How near the run came to breaking the campaign's goal; None without a goal."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -120,15 +125,20 @@ class CaseRunOutcome(Judged):
             "anticipation": self.anticipation,
             "references": self.references,
             "story": self.story,
-            "notes": self.notes,
+            "notes": self.noted,
             "trace": self.trace,
             "goal": where_set(self.goal),
         }
 
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        notes = data.get("notes")
+        return {**super()._fields_in(data), "notes": read_record(DriverNotes, notes) if notes else NO_NOTES}
+
     @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
+    def noted(self) -> DriverNotes | None:
+        """Return the notes for the driver's developer; None if there are none."""
+        return self.notes if self.notes != NO_NOTES else None
 
 
 @dataclass(frozen=True)
@@ -186,40 +196,19 @@ class Mutants:
 
 
 @dataclass(frozen=True)
-class ChildOutcome(Judged):
+class ChildOutcome(JudgedRun):
     """The run of one mutant; `text` already contains the result. `judgements` and `story` exist for failures."""
 
     name: str
-    file: str
-    text: str
-    operators: tuple[str, ...]
-    verdict: Verdict
-    with_: str
-    reason: str
-    time_s: float
-    duration_s: float
-    digest: str
-    meaning: str = ""
-    judgements: tuple[AnyJudgement, ...] = ()
-    impact: Impact | None = None
-    near: NearMisses | None = None
-    story: Story | None = None
-    notes: DriverNotes | None = None
-    """Notes about a run that did not pass, if there are any."""
-    references: tuple[ReferenceRun, ...] = ()
-    """For a failure, its runs with reference drivers."""
+    file: str = ""
+    text: str = ""
+    operators: tuple[str, ...] = ()
     round: int | None = None
     """Round that requested it, if mutants are allocated in rounds."""
     drawn_near: str = ""
     """Name of the earlier mutant whose changes this one varies or adds to; empty if it was drawn independently."""
     why: str = ""
     """Why it was made, in a sentence, if mutants are allocated in rounds."""
-    broken_expectations: tuple[str, ...] = ()
-    """See `CaseRunOutcome`."""
-    infractions: tuple[Infraction, ...] = ()
-    """See `CaseRunOutcome`."""
-    goal: GoalMargin | None = None
-    """See `CaseRunOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -247,10 +236,9 @@ class ChildOutcome(Judged):
             "goal": where_set(self.goal),
         }
 
-    @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        return {**super()._fields_in(data), "file": data.get("file") or ""}
 
     @property
     def changes(self) -> list[str]:
@@ -267,33 +255,27 @@ class ChildOutcome(Judged):
 
 
 @dataclass(frozen=True)
-class ClipOutcome:
+class ClipOutcome(RunRecord):
     """The run of one clip without mutation, and its mutants.
 
     `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median of the largest deviations of
     the other actors. `within`: share of the other actors that stayed within 0.1 m of their places in that run.
-    `others_m`: largest
-        deviation of each other actor. `ego_m`: the deviation of the ego.
+    `others_m`: largest deviation of each other actor. `ego_m`: the deviation of the ego.
     """
 
     seed: str
-    family: str
-    name: str
-    file: str
-    text: str
-    rank: int
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    wall_s: float
-    largest_m: float
-    median_m: float
-    within: float
+    family: str = ""
+    name: str = ""
+    file: str = ""
+    text: str = ""
+    rank: int = 0
+    wall_s: float = 0.0
+    largest_m: float = 0.0
+    median_m: float = 0.0
+    within: float = 1.0
     children: tuple[ChildOutcome, ...] = ()
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
-    notes: DriverNotes | None = None
-    """See `ChildOutcome`."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -309,6 +291,17 @@ class ClipOutcome:
             "within_0.1_m": rounded(self.within, 4),
             "children": self.children,
         }
+
+    @classmethod
+    def from_document(cls, data: Mapping[str, Any]) -> Self:
+        """Return the clip that a JSON document states, without its text."""
+        keys = {"largest_m": "max", "median_m": "median_others", "ego_m": "ego"}
+        deviation_m = data.get("deviation_m", {})
+        fields = read_fields(cls, data)
+        for name, key in keys.items():
+            if key in deviation_m:
+                fields[name] = math.inf if deviation_m[key] is None else deviation_m[key]
+        return cls(**fields)
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:

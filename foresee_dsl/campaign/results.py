@@ -17,7 +17,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.documents import or_null, rounded, where_set
-from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,8 @@ class CampaignResult:
         """Return whether a test case or mutant failed, or a run crashed."""
         return (
             any(not seed.passed for seed in self.seeds)
-            or any(is_problem(clip.verdict, clip.notes) for clip in self.clips)
-            or any(is_problem(child.verdict, child.notes) for clip in self.clips for child in clip.children)
+            or any(is_problem(clip.verdict, hangs=clip.hangs) for clip in self.clips)
+            or any(is_problem(child.verdict, hangs=child.hangs) for clip in self.clips for child in clip.children)
             or any(self.breaking)
         )
 
@@ -262,12 +262,12 @@ class CampaignResult:
         return tuple(child.file for child in self.to_open_first())
 
 
-def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
+def is_problem(verdict: Verdict, *, hangs: bool = False) -> bool:
     """Return whether a clip's or mutant's run needs attention: the driver failed, crashed or hung.
 
     A mutant that begins in a contact needs no attention, nor does one that does not arrive within a clip's few seconds.
     """
-    return verdict.is_failure or verdict is Verdict.CRASH or (notes is not None and notes.hang is not None)
+    return verdict.is_failure or verdict is Verdict.CRASH or hangs
 
 
 def _avoidable(child: ChildOutcome) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+from foresee_dsl.campaign.findings.written import campaign_folders
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import templates
 from foresee_dsl.language.project.document import TestCase
@@ -14,7 +15,6 @@ from foresee_dsl.report.drawing.svg import svg_of
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered
-from foresee_dsl.report.page.recorded import campaign_folders
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.picture.draw import draw
 from foresee_dsl.report.strip import strip_svg

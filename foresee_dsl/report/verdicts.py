@@ -27,9 +27,9 @@ def ending(verdict: Verdict, broken: Sequence[str] = ()) -> Text:
     return Text(verdict.value, style=verdict.style)
 
 
-def changed_lines(notes: Iterable[DriverNotes | None]) -> list[str]:
+def changed_lines(notes: Iterable[DriverNotes]) -> list[str]:
     """Return a line for each change that the driver made to its process in these runs, such as its working folder."""
-    listed = [note for note in notes if note is not None]
+    listed = list(notes)
     counts = Counter(phrase for note in listed for phrase in note.changed)
     often = (f" in {counted(count, 'run')}" if len(listed) > 1 else "" for count in counts.values())
     return [

@@ -38,7 +38,9 @@ def struck(tmp_path_factory: pytest.TempPathFactory) -> tuple[TestCase, RunResul
 
 
 def child(judgements: tuple[judges.AnyJudgement, ...]) -> ChildOutcome:
-    return ChildOutcome("m", "m.foresee", "", (), Verdict.F4, "x", "F4", 1.0, 2.0, "", judgements=judgements)
+    return ChildOutcome(
+        "m", "m.foresee", verdict=Verdict.F4, with_="x", reason="F4", time_s=1.0, duration_s=2.0, judgements=judgements
+    )
 
 
 def test_a_further_judge_is_asked_stored_and_shown(

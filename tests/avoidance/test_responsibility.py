@@ -18,7 +18,7 @@ STORY = Story((), "", "van", "van", ContactClass.BOTH_MOVING, "brakes", "pulls o
               grounds=Grounds(seen_s=5.0, braked_s=4.0, acts_s=4.5))  # fmt: skip
 PREVENTED = Preventability(Preventable.YES, "braking from 1.15 s avoids the contact")
 AHEAD = Anticipation(Answer.AHEAD, "drives slower")
-REACTS = ReferenceRun("idm", Verdict.PASS, "", 5.0, Verdict.PASS, ("brakes 0.8 s earlier",))
+REACTS = ReferenceRun("idm", Verdict.PASS, ("brakes 0.8 s earlier",), verdict=Verdict.PASS, duration_s=5.0)
 APART = replace(REACTS, how=(), apart="it passes the place 0.9 s earlier")
 IDEAL = replace(REACTS, driver="pdm+ideal")
 

@@ -21,7 +21,10 @@ from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, Trace
 
 
 def one(driver: str, family: str, verdict: Verdict, way_m: float = 200.0, brakings: int = 1) -> DriverRun:
-    return DriverRun(f"f{family}.foresee", family, driver, "1", verdict, "why", 20.0, way_m, brakings, 0.5, "d")
+    return DriverRun(
+        f"f{family}.foresee", family, driver, "1", way_m, brakings, 0.5,
+        verdict=verdict, reason="why", duration_s=20.0, digest="d",
+    )  # fmt: skip
 
 
 RUNS = (

@@ -47,17 +47,19 @@ def child(name: str, changes: tuple[str, ...], story: Story | None = STEPS_OUT) 
     lines = "\n".join(f"  change {line}" for line in changes)
     text = MUTANT.replace("NAME", name).replace("CHANGES", lines)
     verdict = Verdict.F2 if story else Verdict.PASS
-    return ChildOutcome(name, f"children/{name}.foresee", text, ("timing",), verdict, "", "", 4.0, 5.0, "", story=story)
+    return ChildOutcome(
+        name, f"children/{name}.foresee", text, ("timing",), verdict=verdict, time_s=4.0, duration_s=5.0, story=story
+    )
 
 
 def clip(name: str, case: str, family: str, *children: ChildOutcome) -> ClipOutcome:
-    return ClipOutcome(case, family, name, f"children/{name}.foresee", "", 1, Verdict.PASS, "", 5.0, 1.0,
-                       0.0, 0.0, 1.0, children)  # fmt: skip
+    return ClipOutcome(case, family, name, f"children/{name}.foresee", "", 1, 1.0, children=children,
+                       verdict=Verdict.PASS, duration_s=5.0)  # fmt: skip
 
 
 def seed(case: str, family: str, story: Story | None = None) -> CaseRunOutcome:
     verdict = Verdict.F2 if story else Verdict.PASS
-    return CaseRunOutcome(case, family, "s", verdict, "", 30.0, 1.0, story=story)
+    return CaseRunOutcome(case, family, "s", 1.0, verdict=verdict, duration_s=30.0, story=story)
 
 
 def campaign(seeds: tuple[CaseRunOutcome, ...], clips: tuple[ClipOutcome, ...]) -> CampaignResult:

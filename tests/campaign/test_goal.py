@@ -222,7 +222,7 @@ def test_requirements_of_eight_kinds_are_goals() -> None:
 
 
 def test_children_go_where_the_margin_is_small() -> None:
-    run = ChildOutcome("a", "a", "", (), Verdict.F2, "other", "", 1.0, 1.0, "")
+    run = ChildOutcome("a", verdict=Verdict.F2, with_="other", time_s=1.0, duration_s=1.0)
     assert ChildFacts.of(run, "7").story
     assert not ChildFacts.of(run, "7", "room").story, "a failure that keeps the goal is not what is searched"
     near = replace(run, verdict=Verdict.PASS, goal=GoalMargin("room", held=True, margin=0.1, unit="m", nearness=0.96))

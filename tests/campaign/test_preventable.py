@@ -33,12 +33,21 @@ def child(name: str, answer: Preventable | None, verdict: Verdict = Verdict.F4, 
     found = Preventability(answer, f"because of {name}", impact_mps=3.14159) if answer else None
     judgements = () if found is None else (found,)
     return ChildOutcome(
-        name, f"{name}.foresee", "", ("timing",), verdict, "x", "f", time_s, 10.0, "", judgements=judgements
+        name,
+        f"{name}.foresee",
+        "",
+        ("timing",),
+        verdict=verdict,
+        with_="x",
+        reason="f",
+        time_s=time_s,
+        duration_s=10.0,
+        judgements=judgements,
     )
 
 
 def clip(name: str, *children: ChildOutcome) -> ClipOutcome:
-    return ClipOutcome("s", "7", name, "", "", 1, Verdict.PASS, "", 10.0, 1.0, 0.0, 0.0, 1.0, children)
+    return ClipOutcome("s", "7", name, "", "", 1, 1.0, children=children, verdict=Verdict.PASS, duration_s=10.0)
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.story.story import ContactClass, Grounds, Story
 
-PASSED = CaseRunOutcome("a.foresee::r01", "7", "a", Verdict.PASS, "arrived", 10.0, 1.0)
+PASSED = CaseRunOutcome("a.foresee::r01", "7", "a", 1.0, verdict=Verdict.PASS, reason="arrived", duration_s=10.0)
 CRASH = "the driver raised ValueError: \x1b[31mno\u202e, at mine.py:12 (Mine.step)"
 
 

@@ -6,21 +6,32 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.documents import plain
+from foresee_dsl.documents import plain, read_record
 from foresee_dsl.report.terminal.campaign import save_campaign
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.goal import GoalMargin
+from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
+from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, Impact, Verdict
+from foresee_dsl.simulate.rules.infraction import Infraction, Rule
+from foresee_dsl.story import Moment, Story
+from foresee_dsl.story.story import ContactClass
 
 
 def seed(name: str, family: str, verdict: Verdict = Verdict.PASS, points: int = 0) -> CaseRunOutcome:
-    return CaseRunOutcome(name, family, "s", verdict, verdict.value, 30.0, 1.0, "t.npz", points)
+    return CaseRunOutcome(
+        name, family, "s", 1.0, "t.npz", points, verdict=verdict, reason=verdict.value, duration_s=30.0
+    )
 
 
 def child(name: str, verdict: Verdict, operators: tuple[str, ...], time_s: float) -> ChildOutcome:
-    return ChildOutcome(name, f"{name}.foresee", "", operators, verdict, "", verdict.value, time_s, 10.0, "")
+    return ChildOutcome(
+        name, f"{name}.foresee", "", operators, verdict=verdict, reason=verdict.value, time_s=time_s, duration_s=10.0
+    )
 
 
 def clip(of: str, rank: int, *children: ChildOutcome, deviation: float = 0.0) -> ClipOutcome:
@@ -112,3 +123,33 @@ def test_a_failing_test_case_says_whether_it_could_have_been_prevented(tmp_path:
     assert "\n    7b\n" in (tmp_path / "r.txt").read_text()
     told = {s["test_case"]: s["preventability"] for s in plain(replace(found, seeds=seeds))["test_cases"]}
     assert told["7b"]["verdict"] == "unavoidable" and told["3a"] is None
+
+
+def test_a_written_run_is_read_into_the_record_that_wrote_it() -> None:
+    of_failure = {
+        "verdict": Verdict.F4,
+        "reason": "F4 lateral collision with van (van) at 5.00 s, 6.0 m/s",
+        "with_": "van",
+        "time_s": 5.0,
+        "duration_s": 5.0,
+        "digest": "sha256:1",
+        "meaning": "sha256:2",
+        "impact": Impact("van", "left", "front", 1.5, -0.5, math.pi / 4, "both", 6.0, 5.0, 4.0, 3.0),
+        "near": NearMisses(NearMiss(0.5, 1.0, "van"), None, None, NearMiss(math.inf, 5.0, "van")),
+        "broken_expectations": ("does not hold: ttc > 1 s",),
+        "infractions": (Infraction(Rule.RED, "ego", 3.0, "king_oak", 3.0),),
+        "goal": GoalMargin("room", False, -0.25, "m", 4.0),
+        "judgements": (Preventability(Preventable.NO, "too late"), Anticipation(Answer.BRAKING, "in time", 1.0)),
+        "references": (ReferenceRun("idm", Verdict.PASS, ("brakes",), verdict=Verdict.PASS),),
+        "story": Story((Moment(1.0, "van", "appears", "comes"),), "It comes.", "van", "van", ContactClass.BOTH_MOVING,
+                       "goes ahead", "comes", "a junction"),
+    }  # fmt: skip
+    clip_of_it = ClipOutcome("a", name="a_p1", largest_m=math.inf, median_m=0.5, within=0.5, verdict=Verdict.PASS)
+    notes = DriverNotes(output="hello", hang=Hang("step", 1.0), changed=("set its folder",))
+    for record in (
+        CaseRunOutcome("a", "7", trace="traces/a.npz", risky_points=3, notes=notes, **of_failure),  # type: ignore[arg-type]
+        ChildOutcome("a_p1_m1", "children/a_p1_m1.foresee", round=2, drawn_near="a_p1_m0", **of_failure),  # type: ignore[arg-type]
+        clip_of_it,
+    ):
+        document = plain(record)
+        assert plain(read_record(type(record), document)) == document

@@ -21,7 +21,7 @@ CASE = TestCase("runs.foresee::r01", Scenario(name="runs", body=()), Path(), {},
 
 def shown(result: RunResult) -> str:
     text = io.StringIO()
-    one = CaseRun(CASE, result.verdict, result.reason, result.notes, result)
+    one = CaseRun.of(result, case=CASE, result=result)
     print_case_run(Console(file=text, width=120), one, None)
     return text.getvalue()
 

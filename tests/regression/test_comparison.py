@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from foresee_dsl.campaign.regression.comparison import ComparedRun, Pair, Side, compare
+from foresee_dsl.documents import read_record
+from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Verdict, passes
+
+NONE: dict[str, Any] = dict.fromkeys(("distance_m", "ttc_s", "pet_s", "drac_mps2"))
+"""The measures of near misses without a value."""
 
 
 def ran(
     name: str = "a", verdict: Verdict = Verdict.PASS, near: Mapping[str, float] | None = None, **more: str
 ) -> ComparedRun:
-    misses = {key: {"value": value, "time_s": 1.0, "with": "kid"} for key, value in (near or {}).items()}
-    return ComparedRun(name, name, more.get("family", ""), verdict, "", None if near is None else misses)
+    misses = NearMisses(**{**NONE, **{key: NearMiss(value, 1.0, "kid") for key, value in (near or {}).items()}})
+    return ComparedRun(name, name, more.get("family", ""), verdict=verdict, near=None if near is None else misses)
 
 
 def nearer(measure: str, was: float | None, now: float) -> tuple[float | None, float, float] | None:
@@ -57,7 +63,8 @@ def test_a_near_miss_is_nearer_by_more_than_a_step_within_its_limit(
 
 
 def test_an_infinite_value_is_far_and_null_in_json() -> None:
-    base = ComparedRun("a", "a", "", Verdict.PASS, "", {"ttc_s": {"value": None, "with": "kid"}})
+    near = read_record(NearMisses, {**NONE, "ttc_s": {"value": None, "time_s": 1.0, "with": "kid"}})
+    base = ComparedRun("a", "a", "", verdict=Verdict.PASS, near=near)
     found = Pair(base, ran(near={"ttc_s": 1.0})).nearer
     assert found is not None and (found.share, found.actor) == (99.0, "kid")
     assert Pair(base, base).nearer is None
@@ -122,7 +129,7 @@ def test_the_sentence_says_what_is_more_than_chance() -> None:
 
 def test_test_cases_are_paired_by_meaning_and_named_where_they_cannot_be() -> None:
     def edited(key: str, name: str) -> ComparedRun:
-        return ComparedRun(key, name, "", Verdict.PASS, "")
+        return ComparedRun(key, name, "", verdict=Verdict.PASS)
 
     base = Side("old", (edited("1", "same"), edited("2", "changed"), edited("3", "gone")))
     new = Side("new", (edited("1", "renamed"), edited("4", "changed"), edited("5", "added")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,20 +11,21 @@ import pytest
 from foresee_dsl.campaign.regression.comparison import Change, ComparedRun, Side, compare, exact_p
 from foresee_dsl.campaign.regression.edits import with_doc, with_expected, with_paths
 from foresee_dsl.campaign.regression.expectations import (
-    Ending,
     Status,
-    ending_of,
     expected_in,
     in_words,
     judge,
     name_to_record,
     names_of,
+    recorded_end,
     recorded_in,
 )
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.report.terminal.comparison import to_markdown
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, Verdict
 
 MUTANT = """foresee 1
 
@@ -112,9 +114,11 @@ def test_a_mutant_without_a_line_is_expected_to_fail_as_found() -> None:
     ],
 )
 def test_how_a_run_compares(expected: m.Expected | None, verdict: Verdict, actor: str, status: Status) -> None:
-    assert judge(expected, Ending(verdict, actor)) is status
+    run = RunRecord(verdict=verdict, with_=actor)
+    assert judge(expected, run) is status
     if verdict is Verdict.TIMEOUT:
-        assert judge(expected, Ending(verdict, actor, hangs=True)) is Status.TIMED_OUT  # not a result, whatever is said
+        hung = replace(run, notes=DriverNotes(hang=Hang("step", 1.0)))
+        assert judge(expected, hung) is Status.TIMED_OUT  # not a result, whatever is said
 
 
 @pytest.mark.parametrize("one", range(9))
@@ -127,8 +131,9 @@ def test_the_exact_p_is_the_sum_of_splits_that_are_no_more_probable(one: int, ot
 
 def side(label: str, verdicts: dict[str, Verdict], near: dict[str, float]) -> Side:
     runs = (
-        ComparedRun(f"sha256:{name}", name, "3" if name < "f" else "4", verdict, f"{verdict} <b>|</b>",
-            {"ttc_s": {"value": near[name], "time_s": 1.0, "with": "walker"}} if name in near else {})
+        ComparedRun(f"sha256:{name}", name, "3" if name < "f" else "4", verdict=verdict,
+            reason=f"{verdict} <b>|</b>",
+            near=NearMisses(None, NearMiss(near[name], 1.0, "walker") if name in near else None, None, None))
         for name, verdict in verdicts.items()
     )  # fmt: skip
     return Side(label, tuple(runs))
@@ -166,6 +171,6 @@ def test_the_files_that_explain_it_are_there(root: Path) -> None:
     ],
 )
 def test_only_a_contact_is_with_somebody(reason: str, verdict: Verdict, actor: str) -> None:
-    ending = ending_of(reason)
-    assert ending is not None
-    assert (ending.verdict, ending.actor) == (verdict, actor)
+    run = recorded_end(reason)
+    assert run is not None
+    assert (run.verdict, run.with_) == (verdict, actor)

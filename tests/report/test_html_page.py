@@ -15,7 +15,11 @@ import jsonschema
 import numpy as np
 import pytest
 
+from foresee_dsl.avoidance.anticipating import Answer, Anticipation
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.findings.written import campaign_folders
+from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.language.project.loading import load_test_case
@@ -24,14 +28,14 @@ from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.playback import ego_way, shown_frames
-from foresee_dsl.report.page.recorded import Anticipation, Preventability, campaign_folders
 from foresee_dsl.report.page.running import EVERY_S, RunningPage
-from foresee_dsl.report.page.runs import Outcome, Reader, Run
+from foresee_dsl.report.page.runs import FailingRun, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
 from foresee_dsl.report.show.sources import Wish, find
 from foresee_dsl.report.show.steps import recorded_steps
 from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story import Moment
 from tests.support import command
@@ -478,10 +482,10 @@ def test_what_is_missing_or_was_edited_is_said(out: Path, findings: list[dict[st
 
 def hostile_contents() -> Contents:
     """A report of which every text is hostile."""
-    outcome = Outcome(
-        name=HOSTILE, address=HOSTILE, verdict=HOSTILE, reason=HOSTILE, driver=HOSTILE, seed=0, trace=None,
-        preventability=Preventability(verdict=HOSTILE, why=HOSTILE),
-        anticipation=Anticipation(answer=HOSTILE, why=HOSTILE),
+    judgements = (Preventability(Preventable.NO, HOSTILE), Anticipation(Answer.NO, HOSTILE))
+    outcome = FailingRun(
+        name=HOSTILE, address=HOSTILE, record=JudgedRun(verdict=Verdict.F2, reason=HOSTILE, judgements=judgements),
+        driver=HOSTILE, seed=0, trace=None,
     )  # fmt: skip
     run = Run(
         outcome=outcome, id="", title=HOSTILE, moments=(Moment(1.0, HOSTILE, HOSTILE, HOSTILE),), label=HOSTILE,

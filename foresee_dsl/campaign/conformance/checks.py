@@ -44,7 +44,7 @@ def check_start(run: ObservedRun) -> Check:
     """Check that the driver is created, is reset, and answers."""
     if run.record.steps and not run.ended_by_driver:
         return _passed("starts", f"version {run.version or 'none'}; reset in {run.reset_ms:.0f} ms")
-    if run.notes.hang is not None:
+    if run.hangs:
         advice = "load weights once in the process (`keep`), or allow more with FORESEE_RESET_DEADLINE_S"
     else:
         advice = "`foresee run CASE --driver DRIVER` shows the traceback and what the driver prints"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from foresee_dsl.documents import every_field, rounded
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.run_record import RunRecord
 
 
 class CheckStatus(StrEnum):
@@ -38,15 +38,19 @@ class ConformanceCase:
 
     name: str
     about: str
-    verdict: Verdict
-    passed: bool
-    reason: str
-    duration_s: float
-    digest: str
+    run: RunRecord
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return every_field(self) | {"duration_s": rounded(self.duration_s, 2)}
+        return {
+            "name": self.name,
+            "about": self.about,
+            "verdict": self.run.verdict,
+            "passed": self.run.passed,
+            "reason": self.run.reason,
+            "duration_s": rounded(self.run.duration_s, 2),
+            "digest": self.run.digest,
+        }
 
 
 @dataclass(frozen=True)
@@ -97,4 +101,4 @@ class Conformance:
     @property
     def conforms(self) -> bool:
         """Return whether no check failed and the driver passes all test cases."""
-        return not self.failed and all(case.passed for case in self.cases)
+        return not self.failed and all(case.run.passed for case in self.cases)

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from foresee_dsl.campaign.conformance.observed_driver import AnswerRecord, ObservedDriver
 from foresee_dsl.campaign.driving import driven, new_driver, run_test_case
-from foresee_dsl.campaign.execution.pool import BrokenTask
-from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.clipping.clip import DRIVES_S
@@ -20,41 +18,30 @@ from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.drivers.registry import handover_of
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict, passes
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import Verdict
 
 CLIP_S = 4.0
 """Length of the clip before and after its risky point, s. Ours: as in the first project of `foresee init`."""
 
 
 @dataclass(frozen=True)
-class ObservedRun:
+class ObservedRun(RunRecord):
     """One run of a test case.
 
     Attributes:
-        digest: digest of the trace; "" if the process died or was ended.
         reset_ms, step_ms: wall time of the driver's reset and of each of its steps, ms.
     """
 
-    verdict: Verdict
-    reason: str
-    duration_s: float = 0.0
-    digest: str = ""
     version: str = ""
-    notes: DriverNotes = NO_NOTES
-    broken_expectations: tuple[str, ...] = ()
     record: AnswerRecord = field(default_factory=AnswerRecord)
     reset_ms: float = 0.0
     step_ms: tuple[float, ...] = ()
 
     @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
-
-    @property
     def ended_by_driver(self) -> bool:
         """Return whether the driver broke or hung, so that the run says nothing about its driving."""
-        return self.verdict is Verdict.CRASH or self.notes.hang is not None or not self.digest
+        return self.verdict is Verdict.CRASH or self.hangs or not self.digest
 
 
 @dataclass(frozen=True)
@@ -129,7 +116,7 @@ class Drive:
         """Run a test case with the address of the same driver with an ideal part."""
         case, address = argument
         result = run_test_case(case, address, self.seed, deadlines=self.deadlines)
-        return ObservedRun(result.verdict, result.reason, result.duration_s, result.trace.digest, notes=result.notes)
+        return ObservedRun.of(result, digest=result.trace.digest)
 
     def _observed(self, case: TestCase, make: Callable[[], Driver]) -> ObservedRun:
         drivers = list[ObservedDriver]()
@@ -140,13 +127,11 @@ class Drive:
 
         result = driven(case, observed, self.driver, self.seed, meta={"driver": self.driver}, deadlines=self.deadlines)
         driver = drivers[-1]  # if a run was repeated for a check, the last run counts
-        return ObservedRun(
-            result.verdict, result.reason, result.duration_s, result.trace.digest, driver.version, result.notes,
-            result.broken_expectations, driver.record, driver.reset_s * 1e3, tuple(s * 1e3 for s in driver.step_s),
-        )  # fmt: skip
-
-
-def without_result(broken: BrokenTask) -> ObservedRun:
-    """Return the record of a run whose process died or was ended."""
-    verdict, reason = broken_verdict(broken)
-    return ObservedRun(verdict, reason, notes=DriverNotes(output=broken.output))
+        return ObservedRun.of(
+            result,
+            digest=result.trace.digest,
+            version=driver.version,
+            record=driver.record,
+            reset_ms=driver.reset_s * 1e3,
+            step_ms=tuple(s * 1e3 for s in driver.step_s),
+        )

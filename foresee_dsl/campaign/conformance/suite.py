@@ -10,9 +10,10 @@ from typing import Any
 
 from foresee_dsl.campaign.conformance import checks
 from foresee_dsl.campaign.conformance.records import Check, Conformance, ConformanceCase
-from foresee_dsl.campaign.conformance.runs import Drive, Handover, ObservedRun, OneProcess, without_result
+from foresee_dsl.campaign.conformance.runs import Drive, Handover, ObservedRun, OneProcess
 from foresee_dsl.campaign.driving import longest_s
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
+from foresee_dsl.campaign.execution.runs import broken_run, broken_verdict
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.parts import DriverPart, ideal_parts, with_ideal
 from foresee_dsl.drivers.protocol import OwnDeadline
@@ -138,16 +139,16 @@ class _Tasks:
 
 
 def _run(outcome: ObservedRun | BrokenTask) -> ObservedRun:
-    return without_result(outcome) if isinstance(outcome, BrokenTask) else outcome
+    return broken_run(ObservedRun, outcome) if isinstance(outcome, BrokenTask) else outcome
 
 
 def _why(broken: BrokenTask) -> str:
-    return without_result(broken).reason
+    return broken_verdict(broken)[1]
 
 
 def _case(case: TestCase, run: ObservedRun) -> ConformanceCase:
     about = next((item.text for item in case.scenario.body if isinstance(item, Doc)), "")
-    return ConformanceCase(case.scenario.name, about, run.verdict, run.passed, run.reason, run.duration_s, run.digest)
+    return ConformanceCase(case.scenario.name, about, run)
 
 
 def _step_limit_s(driver: str, deadlines: Deadlines) -> float:

@@ -15,39 +15,23 @@ from foresee_dsl.errors import DriverError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
-from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict, passes
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.profiling.tasks import Profiler
 
 T = TypeVar("T")
+R = TypeVar("R", bound=RunRecord)
 
 
 @dataclass(frozen=True)
-class CaseRun:
-    """The run of one test case.
-
-    Attributes:
-        result: the result; None if the process died or was ended.
-        reason: how the run ended, in words. notes: prints and errors of the driver.
-    """
+class CaseRun(RunRecord):
+    """The run of one test case. `result`: the result, with its trace; None if the process died or was ended."""
 
     case: TestCase
-    verdict: Verdict
-    reason: str
-    notes: DriverNotes
     result: RunResult | None = None
-
-    @property
-    def passed(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return passes(self.verdict, self.broken_expectations)
-
-    @property
-    def broken_expectations(self) -> tuple[str, ...]:
-        """Return the broken expectations, one sentence each."""
-        return self.result.broken_expectations if self.result is not None else ()
 
 
 def run_cases(
@@ -95,9 +79,8 @@ def run_here(case: TestCase, driver: str, *, seed: int = 0, rules: RulesMode = R
 def case_run(case: TestCase, outcome: RunResult | BrokenTask) -> CaseRun:
     """Return the run of a test case from its task's outcome."""
     if isinstance(outcome, RunResult):
-        return CaseRun(case, outcome.verdict, outcome.reason, outcome.notes, outcome)
-    verdict, reason = broken_verdict(outcome)
-    return CaseRun(case, verdict, reason, DriverNotes(output=outcome.output))
+        return CaseRun.of(outcome, case=case, result=outcome)
+    return broken_run(CaseRun, outcome, case=case)
 
 
 def or_driver_error(work: Callable[..., T], *arguments: Any, **options: Any) -> T | DriverError:  # noqa: ANN401
@@ -116,6 +99,12 @@ def broken_verdict(broken: BrokenTask) -> tuple[Verdict, str]:
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
     begins = {"raised": "the run raised ", "crash": "", "timeout": "timeout: the run "}.get(broken.how, "the run ")
     return verdict, " ".join((begins + broken.reason).split()).replace('"', "'")[:LONGEST_REASON]
+
+
+def broken_run(kind: type[R], broken: BrokenTask, **more: Any) -> R:  # noqa: ANN401 - fields of any type
+    """Return the record, of this class, of a run without a result. `more`: the fields that the class adds."""
+    verdict, reason = broken_verdict(broken)
+    return kind(verdict=verdict, reason=reason, notes=DriverNotes(output=broken.output), **more)
 
 
 def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines, rules: RulesMode) -> RunResult:

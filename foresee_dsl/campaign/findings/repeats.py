@@ -126,7 +126,7 @@ def _subject(
 ) -> _Subject | None:
     """Return what is run for a finding; None if its run hung or left no trace."""
     run, seed = finding.run, node.step.seed
-    if run.notes is not None and run.notes.hang is not None:
+    if run.hangs:
         return None
     if isinstance(run, CaseRunOutcome):
         blob = store.blobs.get(traces[run.trace][0]) if run.trace else None

@@ -10,18 +10,19 @@ from typing import Any
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.execution.runs import broken_run
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, JudgedRun
 from foresee_dsl.campaign.regression.comparison import ComparedRun, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import LONGEST_S
-from foresee_dsl.documents import plain
+from foresee_dsl.documents import plain, read_record
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language.project.addresses import is_folder, parse_address
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.near_misses import NearMisses
 
 
 def side_of_campaign(folder: Path) -> Side:
@@ -46,18 +47,19 @@ def side_of_campaign(folder: Path) -> Side:
 
 
 def _runs_in(data: Mapping[str, Any]) -> Iterator[ComparedRun]:
-    verdicts = {verdict.value: verdict for verdict in Verdict}
     families = {}
-    for run in data["test_cases"]:
-        families[run["test_case"]] = run["family"]
-        yield ComparedRun(run["meaning"], run["test_case"], run["family"], verdicts[run["verdict"]], run["reason"],
-                          run.get("near_misses"), tuple(run.get("broken_expectations", ())))  # fmt: skip
+    for case in data["test_cases"]:
+        families[case["test_case"]] = case["family"]
+        yield _compared(read_record(CaseRunOutcome, case), case["meaning"], case["test_case"], case["family"])
     for clip in data["clip_runs"]:
-        for run in clip["children"]:
-            yield ComparedRun(
-                run["meaning"], run["mutant"], families.get(clip["test_case"], ""), verdicts[run["verdict"]],
-                run["reason"], run.get("near_misses"), tuple(run.get("broken_expectations", ())),
-            )  # fmt: skip
+        family = families.get(clip["test_case"], "")
+        for child in clip["children"]:
+            yield _compared(read_record(ChildOutcome, child), child["meaning"], child["mutant"], family)
+
+
+def _compared(run: JudgedRun, key: str, name: str, family: str) -> ComparedRun:
+    return ComparedRun(key, name, family, verdict=run.verdict, reason=run.reason, near=run.near,
+                       broken_expectations=run.broken_expectations)  # fmt: skip
 
 
 def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
@@ -110,8 +112,7 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
             elif outcome.how == "raised":
                 broken.append(f"{test.address}: {outcome.reason}")
             else:
-                verdict, reason = broken_verdict(outcome)
-                runs[task.name] = ComparedRun(test.address, test.address, "", verdict, reason)
+                runs[task.name] = broken_run(ComparedRun, outcome, key=test.address, name=test.address, family="")
     return Side(label, tuple(runs[number] for number in numbers if number in runs), tuple(sorted(broken)))
 
 
@@ -119,8 +120,12 @@ def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Compare
     case = load_test_case(test.address)
     result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
-    reason = result.reason or result.verdict.label
-    near = plain(result.near_misses)
-    return ComparedRun(
-        test.address, test.address, case.family, result.verdict, reason, near, result.broken_expectations
-    ), label
+    run = ComparedRun.of(
+        result,
+        key=test.address,
+        name=test.address,
+        family=case.family,
+        reason=result.reason or result.verdict.label,
+        near=read_record(NearMisses, plain(result.near_misses)),  # rounded, as those of a campaign are
+    )
+    return run, label

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
 
-from foresee_dsl.simulate.results.verdict import Verdict, passes
+from foresee_dsl.simulate.results.near_misses import NearMisses
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import Verdict
 
 SIGNIFICANT = 0.05
 """A p below this counts as more than chance: the usual level."""
@@ -44,22 +45,15 @@ braking. Each smallest reported change is several times the effect of a decision
 
 
 @dataclass(frozen=True)
-class ComparedRun:
+class ComparedRun(RunRecord):
     """The run of one test case by one driver.
 
-    Attributes:
-        key: equal for the same test case on both sides. name: its name for people. near: near misses as in
-            `campaign.json`.
-        broken_expectations: broken expectations, one sentence each.
+    `key`: equal for the same test case on both sides. `name`: its name for people.
     """
 
     key: str
     name: str
     family: str
-    verdict: Verdict
-    reason: str
-    near: Mapping[str, Any] | None = None
-    broken_expectations: tuple[str, ...] = ()
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -68,7 +62,7 @@ class ComparedRun:
     @property
     def failed(self) -> bool:
         """Return whether the run did not pass: a failure, a broken expectation, a crash or a timeout."""
-        return not passes(self.verdict, self.broken_expectations)
+        return not self.passed
 
 
 @dataclass(frozen=True)
@@ -293,24 +287,17 @@ def _row(label: str, pairs: Iterable[Pair], kind: Verdict | None = None) -> Row:
     return Row(label, kind is not None, len(counts), was_failing, now_failing, new, fixed, exact_p(new, fixed))
 
 
-def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | None) -> Nearer | None:
+def _nearer(name: str, base: NearMisses | None, new: NearMisses | None) -> Nearer | None:
     """Return how a measure became nearer, or None; a missing value counts as far."""
-    measure, value = MEASURES[name], (new or {}).get(name)
-    before = (base or {}).get(name)
-    if base is None or value is None:
+    measure = MEASURES[name]
+    if base is None or new is None or (near_miss := getattr(new, name)) is None:
         return None
-    now = _value(value)
-    was = _value(before) if before is not None else None
+    before, now = getattr(base, name), near_miss.value
+    was = before.value if before is not None else None
     far = measure.near - measure.sign * measure.step if was is None else was
     change = (now - far) * measure.sign
     # `not`, because the comparison must also be true for inf - inf.
     if (now - measure.near) * measure.sign < 0 or not change >= measure.step:
         return None
     capped = min(now, 99.0) if math.isinf(now) else now
-    return Nearer(name, was, capped, str(value.get("with") or ""), round(min(change / measure.near, 99.0), 3))
-
-
-def _value(near_miss: Mapping[str, Any]) -> float:
-    """Return the value of a near miss in JSON, where null stands for infinity."""
-    value = near_miss.get("value")
-    return math.inf if value is None else float(value)
+    return Nearer(name, was, capped, near_miss.actor, round(min(change / measure.near, 99.0), 3))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import get_args
 
 from foresee_dsl.drivers.registry import recorded_address, recorded_driver
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.expected import FailureName
-from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import Verdict
 
 DRIVER = "pdm"
 """Driver of a test case that names none."""
@@ -56,45 +56,24 @@ class Status(StrEnum):
         return self in (Status.CAME_BACK, Status.CHANGED, Status.NEW, Status.FIXED)
 
 
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended: verdict, the other actor's id or "", whether the driver exceeded its wall time, and whether a
-    passed run broke an `expect` line."""
-
-    verdict: Verdict
-    actor: str = ""
-    hangs: bool = False
-    breaks: bool = False
-
-    @classmethod
-    def of(cls, result: RunResult) -> Ending:
-        """Return the ending of a run."""
-        breaks = result.verdict is Verdict.PASS and not result.passed
-        return cls(result.verdict, result.with_, hangs=result.notes.hang is not None, breaks=breaks)
-
-    @property
-    def passes(self) -> bool:
-        """Return whether the run passed and all expectations hold."""
-        return self.verdict is Verdict.PASS and not self.breaks
-
-    def expected_of(self, driver: str, case: str | None = None) -> m.Expected | None:
-        """Return the statement that expects this ending; None for one that cannot be expected (crash, invalid)."""
-        if self.verdict in (Verdict.PASS, Verdict.GOAL):  # a broken expectation has no kind: see its `expect` line
-            return m.Expected(driver=driver, case=case, outcome="passes" if self.passes else "fails")
-        if self.verdict.value not in get_args(FailureName):
-            return None
-        is_name = re.fullmatch(
-            m.NAME_PATTERN, self.actor
-        )  # ids of background traffic on a foreign network may not be names of the language
-        return m.Expected.model_validate(
-            {
-                "driver": driver,
-                "case": case,
-                "outcome": "fails",
-                "failure": self.verdict.value,
-                "actor": self.actor if is_name else None,
-            }
-        )
+def expected_of(run: RunRecord, driver: str, case: str | None = None) -> m.Expected | None:
+    """Return the statement that expects a run to end as it did; None if that cannot be expected (crash, invalid)."""
+    if run.verdict in (Verdict.PASS, Verdict.GOAL):  # a broken expectation has no kind: see its `expect` line
+        return m.Expected(driver=driver, case=case, outcome="passes" if run.passed else "fails")
+    if run.verdict.value not in get_args(FailureName):
+        return None
+    is_name = re.fullmatch(
+        m.NAME_PATTERN, run.with_
+    )  # ids of background traffic on a foreign network may not be names of the language
+    return m.Expected.model_validate(
+        {
+            "driver": driver,
+            "case": case,
+            "outcome": "fails",
+            "failure": run.verdict.value,
+            "actor": run.with_ if is_name else None,
+        }
+    )
 
 
 def in_words(expected: m.Expected | None) -> str:
@@ -105,28 +84,27 @@ def in_words(expected: m.Expected | None) -> str:
     return f"{expected.outcome} {expected.failure or ''}".rstrip() + with_
 
 
-def judge(expected: m.Expected | None, ending: Ending) -> Status:
+def judge(expected: m.Expected | None, run: RunRecord) -> Status:
     """Return how a run compares with the expected result."""
-    verdict = ending.verdict
-    if verdict is Verdict.CRASH:
+    if run.verdict is Verdict.CRASH:
         return Status.CRASHED
-    if expected is not None and not ending.hangs and _is_met(expected, ending):  # another machine may not have the hang
+    if expected is not None and not run.hangs and _is_met(expected, run):  # another machine may not have the hang
         return Status.AS_EXPECTED
-    if verdict is Verdict.TIMEOUT:
+    if run.verdict is Verdict.TIMEOUT:
         return Status.TIMED_OUT
     if expected is None:
         return Status.NEW
     if expected.outcome == "passes":
         return Status.CAME_BACK
-    return Status.FIXED if ending.passes else Status.CHANGED
+    return Status.FIXED if run.passed else Status.CHANGED
 
 
-def _is_met(expected: m.Expected, ending: Ending) -> bool:
+def _is_met(expected: m.Expected, run: RunRecord) -> bool:
     if expected.outcome == "passes":
-        return ending.passes
+        return run.passed
     if expected.failure is None:
-        return ending.verdict.is_failure or ending.breaks
-    return expected.failure == ending.verdict.value and expected.actor in (None, ending.actor)
+        return run.verdict.is_failure or (run.verdict is Verdict.PASS and not run.passed)
+    return expected.failure == run.verdict.value and expected.actor in (None, run.with_)
 
 
 def names_of(address: str, version: str) -> tuple[str, ...]:
@@ -171,19 +149,19 @@ def recorded_in(origin: m.Origin | None) -> m.Expected | None:
     """Return the result that a mutant's `driver` and `found` record; None if they are missing or not a failure."""
     if origin is None or not origin.found:
         return None
-    ending = ending_of(origin.found)
+    run = recorded_end(origin.found)
     version = (origin.driver or DRIVER).partition(" via ")[0]
     driver = version.rpartition(" ")[0] or version
     named = driver if driver != "unknown" else recorded_address(origin.driver or DRIVER)
-    return ending.expected_of(named) if ending is not None else None
+    return expected_of(run, named) if run is not None else None
 
 
-def ending_of(reason: str) -> Ending | None:
-    """Return the ending that a recorded sentence describes; None if it is not a failure."""
+def recorded_end(reason: str) -> RunRecord | None:
+    """Return the verdict and the other actor of a recorded sentence; None if it is not that of a failure."""
     word = re.split(r"\W", reason, maxsplit=1)[0]
     if word not in (*get_args(FailureName), Verdict.GOAL.value):
         return None
     verdict = next(candidate for candidate in Verdict if candidate.value == word)
     # Only a contact has another actor: a stuck ego stood "with nothing to wait for".
     actor = _ACTOR.search(reason.partition(" at ")[0]) if verdict.is_collision else None
-    return Ending(verdict, actor[1] if actor else "")
+    return RunRecord(verdict=verdict, with_=actor[1] if actor else "")

@@ -8,7 +8,7 @@ from pathlib import Path
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.campaign.regression.edits import as_text
-from foresee_dsl.campaign.regression.expectations import ending_of, name_to_record, recorded_in
+from foresee_dsl.campaign.regression.expectations import expected_of, name_to_record, recorded_end, recorded_in
 from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import load
@@ -79,6 +79,6 @@ def _test_case(address: str, failure: NamedFailure | None = None) -> Source:
     body = tuple(item for item in model.body if not isinstance(item, m.Doc | m.Expected | m.Param | m.Case | m.Cases))
     name = case_name(case)
     text = print_model(m.Scenario(name=name, body=(*docs, *body)))
-    ending = ending_of(failure.reason) if failure else None
-    expected = ending.expected_of(name_to_record(str(failure.data["driver"]), "")) if failure and ending else None
+    run = recorded_end(failure.reason) if failure else None
+    expected = expected_of(run, name_to_record(str(failure.data["driver"]), "")) if failure and run else None
     return Source(name, case.source, text, case, False, sentence, expected)

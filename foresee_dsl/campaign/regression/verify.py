@@ -12,12 +12,12 @@ from pathlib import Path
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.regression.edits import line_of, with_expected
 from foresee_dsl.campaign.regression.expectations import (
-    Ending,
     Status,
     expected_in,
+    expected_of,
     in_words,
     judge,
     name_to_record,
@@ -37,7 +37,8 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import Hang, Verdict
 
 LONGEST_S = 300.0
 """Longest simulated time of a run, s; the deadline of its process follows from this. Ours: no test case of the library
@@ -53,7 +54,7 @@ class Recheck:
         file: its address. case: name of the case, for a scenario with cases.
         was: the expected result in words: `fails F2 with walker`. now: how it ended, or why it is stale.
         driver: name and version of the driver. name: the driver's name in an `expected` line.
-        line: line of the expectation in its file. note: further remarks.
+        run: how it ended; None if it was not run. line: line of the expectation in its file. note: further remarks.
     """
 
     file: str
@@ -62,7 +63,7 @@ class Recheck:
     now: str
     driver: str = ""
     name: str = ""
-    ending: Ending | None = None
+    run: RunRecord | None = None
     line: int | None = None
     note: str = ""
     case: str | None = None
@@ -74,8 +75,8 @@ class Recheck:
             "status": self.status,
             "driver": self.driver,
             "expected": self.was,
-            "verdict": self.ending and self.ending.verdict,
-            "with": self.ending and self.ending.actor,
+            "verdict": self.run and self.run.verdict,
+            "with": self.run and self.run.with_,
             "now": self.now,
             "line": self.line,
             "note": self.note,
@@ -158,22 +159,25 @@ class _Pool:
             )  # fmt: skip
             for task, outcome in pool.results():
                 test = numbers[task.name]
-                results[task.name] = _broken(test, outcome, self.driver) if isinstance(outcome, BrokenTask) else outcome
+                results[task.name] = (
+                    _broken(test, outcome, self.driver, longest_s) if isinstance(outcome, BrokenTask) else outcome
+                )
         return tuple(results[number] for number in numbers)
 
 
-def _broken(test: SuiteTest, broken: BrokenTask, driver: str) -> Recheck:
-    """Return the result of a test whose run broke."""
-    verdict, reason = broken_verdict(broken)
-    ending = Ending(verdict, hangs=verdict is Verdict.TIMEOUT)
+def _broken(test: SuiteTest, broken: BrokenTask, driver: str, limit_s: float) -> Recheck:
+    """Return the result of a test whose run broke; `limit_s`: the wall time that it was given, s."""
+    run = broken_run(RunRecord, broken)
+    if run.verdict is Verdict.TIMEOUT:
+        run = replace(run, notes=replace(run.notes, hang=Hang("run", limit_s)))
     expected = expected_in(test.stated, test.case, names_of(driver or test.driver, ""), test.origin)
     return Recheck(
         file=test.address,
-        status=judge(expected, ending),
+        status=judge(expected, run),
         was=in_words(expected),
-        now=reason,
+        now=run.reason,
         driver=driver or test.driver,
-        ending=ending,
+        run=run,
         case=test.case,
     )
 
@@ -204,18 +208,18 @@ def recheck(
         result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     except InputError as err:  # also if the network has no place for one of the actors
         return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
-    ending = Ending.of(result)
+    run = RunRecord.of(result)
     version = str(result.trace.meta.get("driver_version", ""))
     stated = stated_in(case.document) if case.document is not None else test.stated
     expected = expected_in(stated, test.case, names_of(driver, version), test.origin)
     return Recheck(
         file=test.address,
-        status=judge(expected, ending),
+        status=judge(expected, run),
         was=in_words(expected),
         now=result.reason or result.verdict.label,
         driver=recorded_driver(driver, version),
         name=expected.driver if expected is not None else name_to_record(driver, version),
-        ending=ending,
+        run=run,
         line=line_of(case.document, expected) if case.document is not None and expected in stated else None,
         note=other_version(test, driver, version),
         case=test.case,
@@ -290,9 +294,7 @@ def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
     """
     written: dict[Path, None] = {}
     for check in rechecks:
-        new = (
-            check.ending.expected_of(check.name, check.case) if check.ending and check.status.can_be_recorded else None
-        )
+        new = expected_of(check.run, check.name, check.case) if check.run and check.status.can_be_recorded else None
         if new is not None:
             text = read_outside(check.path).decode("utf-8")
             write_whole(check.path, with_expected(text, new))

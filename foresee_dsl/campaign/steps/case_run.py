@@ -13,7 +13,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -57,25 +57,19 @@ class CaseStep(Step[None, None]):
         settings = work.settings
         result = run_test_case(case, settings.driver, self.seed, deadlines=work.deadlines, rules=settings.rules)
         explanation = explained(case, result)
-        outcome = CaseRunOutcome(
+        outcome = CaseRunOutcome.of(
+            result,
             id=case.id,
             family=case.family,
             scenario=case.scenario.name,
-            verdict=result.verdict,
-            reason=result.reason,
-            duration_s=result.duration_s,
             wall_s=time.perf_counter() - started,
-            impact=result.impact,
             near=result.near_misses,
             judgements=explanation.judgements,
             story=explanation.story,
-            broken_expectations=result.broken_expectations,
-            infractions=result.infractions,
             goal=result.goal,
-            notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> CaseRunOutcome:  # noqa: ARG002
         """Return the test case's record for a broken run."""
-        return CaseRunOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)
+        return CaseRunOutcome(case.id, case.family, case.scenario.name, verdict=verdict, reason=reason)

@@ -69,8 +69,9 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
         """Return the mutant's record for a broken run."""
-        return ChildOutcome(self.name, file, self.mutant.text, (), verdict, "", reason, 0.0, 0.0, "",
-                            self.mutant.meaning)  # fmt: skip
+        return ChildOutcome(
+            self.name, file, self.mutant.text, verdict=verdict, reason=reason, meaning=self.mutant.meaning
+        )
 
 
 def run_child(
@@ -92,25 +93,18 @@ def run_child(
     result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
     explanation = explained(case, result)
     mutant, story = with_found(mutant, result.reason, explanation), explanation.story
-    outcome = ChildOutcome(
+    outcome = ChildOutcome.of(
+        result,
         name=mutant.name,
         file=file.as_posix(),
         text=with_sentence(mutant, story.sentence) if story else print_model(mutant),
         operators=mutant.origin.operator if mutant.origin else (),
-        verdict=result.verdict,
-        with_=result.with_,
-        reason=result.reason,
-        time_s=result.time_s,
-        duration_s=result.duration_s,
         digest=result.trace.digest,
         meaning=case.meaning,
         judgements=explanation.judgements,
-        impact=result.impact,
         near=result.near_misses,
         story=story,
         notes=notes_of(result),
-        broken_expectations=result.broken_expectations,
-        infractions=result.infractions,
         goal=result.goal,
     )
     return outcome, result

@@ -65,16 +65,14 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             clip_of(text), own, trace, driver=driver, seed=self.seed, deadlines=work.deadlines,
             rules=work.settings.rules,
         )  # fmt: skip
-        outcome = ClipOutcome(
+        outcome = ClipOutcome.of(
+            result,
             seed=case.id,
             family=case.family,
             name=self.draft.name,
             file=file.name,
             text=print_model(model),
             rank=self.draft.rank,
-            verdict=result.verdict,
-            reason=result.reason,
-            duration_s=result.duration_s,
             wall_s=time.perf_counter() - started,
             largest_m=fidelity.largest_m,
             median_m=fidelity.median_others_m,
@@ -89,7 +87,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         """Return the clip's record for a broken run."""
         return ClipOutcome(
             seed=case.id, family=case.family, name=self.name, file=file, text=self.draft.text, rank=self.draft.rank,
-            verdict=verdict, reason=reason, duration_s=0.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0,
+            verdict=verdict, reason=reason,
         )  # fmt: skip
 
 

@@ -77,7 +77,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
         """Return the original mutant with the reason why the process that minimised it broke."""
-        child = ChildOutcome(self.name, file, self.child_text, (), verdict, "", reason, 0.0, 0.0, "")
+        child = ChildOutcome(self.name, file, self.child_text, verdict=verdict, reason=reason)
         return _as_found(child, clip_of(self.draft.text), f"not minimised: {reason}")
 
 

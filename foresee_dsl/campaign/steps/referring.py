@@ -38,7 +38,7 @@ class Reference:
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ReferenceRun:  # noqa: ARG002
         """Return the record of a broken run."""
-        return ReferenceRun(self.driver, verdict, reason, 0.0)
+        return ReferenceRun(self.driver, verdict=verdict, reason=reason)
 
 
 @Part.EXPLAIN.measured

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
-from foresee_dsl.campaign.regression.expectations import Ending, Status, expected_in, in_words, judge, names_of
+from foresee_dsl.campaign.regression.expectations import Status, expected_in, in_words, judge, names_of
 from foresee_dsl.campaign.regression.layout import role_of
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import reached
@@ -17,6 +17,7 @@ from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_run
+from foresee_dsl.simulate.results.run_record import RunRecord
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import tell
 
@@ -124,7 +125,7 @@ def _judged(test: SuiteTest, case_result: CaseResult, result: RunResult, driver:
     expected = expected_in(test.stated, test.case, names_of(driver, version), test.origin)
     if expected is None and not test.verified:
         return case_result
-    status = judge(expected, Ending.of(result))
+    status = judge(expected, RunRecord.of(result))
     if status is Status.AS_EXPECTED:
         return replace(case_result, outcome=BuildOutcome.PASSED, rule=status.value, details=())
     was = f"{driver} {in_words(expected)}" if expected is not None else f"the file records no result of {driver}"

@@ -8,27 +8,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
+from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import FOLDED
 from foresee_dsl.campaign.assembly import reference_trace
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.campaign.findings.sureness import sureness_of
-from foresee_dsl.campaign.findings.written import read_written
+from foresee_dsl.campaign.findings.written import (
+    WrittenCampaign,
+    WrittenFinding,
+    read_campaign_folder,
+    read_written,
+)
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.triage.decisions import counted_decisions
 from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.report.page.entries import FindingEntry, Source
-from foresee_dsl.report.page.recorded import (
-    Anticipation,
-    Campaign,
-    CaseRun,
-    ChildRun,
-    ClipRun,
-    Finding,
-    Preventability,
-    Reference,
-    read_campaign_folder,
-)
-from foresee_dsl.report.page.runs import Outcome, Reader
+from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
 from foresee_dsl.report.verdicts import counted, not_deterministic
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
@@ -71,7 +67,7 @@ class Contents:
     @property
     def folded_text(self) -> str:
         """Return how many findings are folded, by judgement, such as `11 that no driver can be expected to avoid`."""
-        counts = Counter(finding.judgement.word for finding in self.folded if finding.triage is None)
+        counts = Counter(finding.judgement_word for finding in self.folded if finding.triage is None)
         kinds = [f"{counts[whose.value]} {whose.counted}" for whose in FOLDED if counts[whose.value]]
         triaged = counted_decisions(finding.triage for finding in self.folded if finding.triage is not None)
         return ", ".join([*kinds, *filter(None, [triaged])])
@@ -105,7 +101,7 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
     )
 
 
-def _headline(campaigns: Sequence[Campaign], findings: Sequence[FindingEntry]) -> str:
+def _headline(campaigns: Sequence[WrittenCampaign], findings: Sequence[FindingEntry]) -> str:
     runs = sum(finding.count for finding in findings)
     children = sum(c.children for c in campaigns)
     clips = sum(c.clips for c in campaigns)
@@ -117,7 +113,7 @@ def _headline(campaigns: Sequence[Campaign], findings: Sequence[FindingEntry]) -
     )
 
 
-def _subtitle(campaigns: Sequence[Campaign]) -> str:
+def _subtitle(campaigns: Sequence[WrittenCampaign]) -> str:
     first = campaigns[0]
     settings = first.settings
     length = float(settings.get("before_s", 0.0)) + float(settings.get("after_s", 0.0))
@@ -153,7 +149,7 @@ def _notes(source: Source) -> Iterator[str]:
     counts += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
     if counts:
         yield f"Of {counted(len(campaign.test_cases), 'test case')}, {', '.join(counts)}: see the overview."
-    children = sum(bool(c.broken_expectations) and c.verdict == Verdict.PASS.value for clip in campaign.clip_runs
+    children = sum(bool(c.broken_expectations) and c.verdict is Verdict.PASS for clip in campaign.clip_runs
                    for c in clip.children)  # fmt: skip
     if children:
         yield f"Of {counted(campaign.children, 'child', 'children')}, {children} broke an expectation (overview)."
@@ -179,32 +175,32 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
         # minimised run.
         reduced = small.minimised if small is not None else None
         sentence = (reduced and reduced.sentence) or record.sentence
-        answer = record.preventability or Preventable.UNKNOWN.value
+        answer = record.preventability or Preventable.UNKNOWN
         yield FindingEntry(
             key=f"{source.campaign.driver}-{record.name}" if several else record.name,
             title=sentence,
             short_title=record.title,
             class_=record.class_ or runs[0].class_,
-            verdict=record.verdict,
+            verdict=record.verdict.value,
             label=runs[0].label,
             family=record.family,
             driver=source.campaign.driver,
-            preventability=answer,
-            anticipation=record.anticipation or "",
+            preventability=answer.value,
+            anticipation=record.anticipation.value if record.anticipation else "",
             test_case=record.test_case,
             runs=runs,
             more=tuple(names[most:]),
             number=record.number,
             judgement=record.judgement,
-            diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.reason),
-            sure=sureness_of(source.folder, record.name, runs[0].outcome.reason),
+            diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.record.reason),
+            sure=sureness_of(source.folder, record.name, runs[0].outcome.record.reason),
             rate=record.rate or "",
             since=source.standing.of(record.story),
             triage=source.standing.decisions.get(record.story),
         )
 
 
-def _minimised(source: Source, record: Finding, outcome: Outcome) -> Outcome | None:
+def _minimised(source: Source, record: WrittenFinding, outcome: FailingRun) -> FailingRun | None:
     """Return the run of a finding's minimised mutant; None if there is none, it does not fail, or its file is gone."""
     small = record.minimised
     file = source.folder / small.file if small is not None else None
@@ -213,107 +209,84 @@ def _minimised(source: Source, record: Finding, outcome: Outcome) -> Outcome | N
     return replace(
         outcome,
         address=file.as_posix(),
-        reason=small.reason,
+        record=replace(outcome.record, reason=small.reason, judgements=record.judgements, references=small.references),
         trace=file.with_suffix(".npz"),
-        preventability=Preventability(verdict=record.preventability, why=record.why or "")
-        if record.preventability
-        else None,
-        anticipation=Anticipation(answer=record.anticipation, why=record.anticipation_why or "")
-        if record.anticipation
-        else None,
-        references=small.references,
         beside=_beside(file, small.references),
         minimised=small,
         unreduced=Path(outcome.address),
     )
 
 
-def _beside(file: Path, references: Sequence[Reference]) -> tuple[tuple[str, Path], ...]:
+def _beside(file: Path, references: Sequence[ReferenceRun]) -> tuple[tuple[str, Path], ...]:
     """Return the stored runs of reference drivers of the failure in a file, by driver; older campaigns have none."""
     files = ((run.driver, Path(reference_trace(file.as_posix(), run.driver))) for run in references)
     return tuple((driver, trace) for driver, trace in files if trace.is_file())
 
 
-def _failures(source: Source) -> dict[str, Outcome]:
+def _failures(source: Source) -> dict[str, FailingRun]:
     """Return the failing runs of a campaign by name."""
     folder, campaign = source.folder, source.campaign
     seed = int(campaign.settings.get("seed", 0))
     traces: dict[str, Path] = {}
-    outcomes: dict[str, Outcome] = {}
+    outcomes: dict[str, FailingRun] = {}
     for case in campaign.test_cases:
         if case.trace:
-            traces[case.test_case] = folder / case.trace
+            traces[case.id] = folder / case.trace
         name = _case_name(case)
-        outcomes[name] = Outcome(
+        outcomes[name] = FailingRun(
             name=name,
-            address=case.test_case,
-            verdict=case.verdict,
-            reason=case.reason,
+            address=case.id,
+            record=case,
             driver=campaign.driver,
             seed=seed,
-            trace=traces.get(case.test_case),
-            preventability=case.preventability,
-            anticipation=case.anticipation,
-            references=case.references,
-            beside=_beside(traces[case.test_case], case.references) if case.trace else (),
+            trace=traces.get(case.id),
+            beside=_beside(traces[case.id], case.references) if case.trace else (),
         )
     for clip, child in _failing_children(campaign):
-        outcomes[child.mutant] = _child(source, clip, child, traces.get(clip.test_case), seed)
+        outcomes[child.name] = _child(source, clip, child, traces.get(clip.seed), seed)
     return outcomes
 
 
-def _child(source: Source, clip: ClipRun, child: ChildRun, parent: Path | None, seed: int) -> Outcome:
+def _child(source: Source, clip: ClipOutcome, child: ChildOutcome, parent: Path | None, seed: int) -> FailingRun:
     # The file of a repeated mutation, such as `case_p1_s3_m2`.
-    again = child.mutant.rpartition("_m")[0].rpartition("_s")
-    if again[0] == clip.clip and again[2].isdigit():
+    again = child.name.rpartition("_m")[0].rpartition("_s")
+    if again[0] == clip.name and again[2].isdigit():
         seed = int(again[2])
-    return Outcome(
-        name=child.mutant,
-        address=(source.folder / (child.file or "")).as_posix(),
-        verdict=child.verdict,
-        reason=child.reason,
+    return FailingRun(
+        name=child.name,
+        address=(source.folder / child.file).as_posix(),
+        record=child,
         driver=source.campaign.driver,
         seed=seed,
-        trace=source.folder / "traces" / f"{child.mutant}.npz",
+        trace=source.folder / "traces" / f"{child.name}.npz",
         parent_trace=parent,
         operators=child.operators,
-        preventability=child.preventability,
-        anticipation=child.anticipation,
-        references=child.references,
     )
 
 
-def _case_name(case: CaseRun) -> str:
+def _case_name(case: CaseRunOutcome) -> str:
     """Return the name with which the files of a test case begin: the name of its trace, if it has a trace."""
-    return Path(case.trace).stem if case.trace else case_file_name(case.test_case, Path(case.test_case).stem)
+    return Path(case.trace).stem if case.trace else case_file_name(case.id, Path(case.id).stem)
 
 
-def _failing_children(campaign: Campaign) -> Iterator[tuple[ClipRun, ChildRun]]:
+def _failing_children(campaign: WrittenCampaign) -> Iterator[tuple[ClipOutcome, ChildOutcome]]:
     for clip in campaign.clip_runs:
         for child in clip.children:
-            if child.file is not None:
+            if child.failed_file:
                 yield clip, child
 
 
-def _each_alone(source: Source) -> tuple[Finding, ...]:
+def _each_alone(source: Source) -> tuple[WrittenFinding, ...]:
     """Return each failure as a finding of its own, for an older `campaign.json` without findings."""
-    campaign = source.campaign
-    families = {case.test_case: case.family for case in campaign.test_cases}
-    kinds = {verdict.value for verdict in Verdict if verdict.is_failure}
-    failures: list[tuple[str, CaseRun | ChildRun, str, str | None]] = [
-        (_case_name(case), case, case.test_case, case.test_case)
-        for case in campaign.test_cases
-        if case.verdict in kinds
+    families = {case.id: case.family for case in source.campaign.test_cases}
+    failures: list[tuple[str, CaseRunOutcome | ChildOutcome, str, str | None]] = [
+        (_case_name(case), case, case.id, case.id) for case in source.campaign.test_cases if case.verdict.is_failure
     ]
-    failures += [(child.mutant, child, clip.test_case, child.file) for clip, child in _failing_children(campaign)]
+    failures += [(child.name, child, clip.seed, child.file) for clip, child in _failing_children(source.campaign)]
     return tuple(
-        Finding.model_validate(
-            {
-                "name": name, "sentence": run.reason, "class": "", "verdict": run.verdict, "test_case": test_case,
-                "family": families.get(test_case, ""), "file": file,
-                "preventability": run.preventability.verdict if run.preventability else None,
-                "anticipation": run.anticipation.answer if run.anticipation else None,
-            }
+        WrittenFinding(
+            name, run.reason, "", run.verdict, test_case, file, families.get(test_case, ""),
+            preventability=run.preventable, anticipation=run.anticipation.answer if run.anticipation else None,
         )
         for name, run, test_case, file in failures
     )  # fmt: skip

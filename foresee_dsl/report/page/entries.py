@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.avoidance.responsibility import FOLDED
+from foresee_dsl.avoidance.responsibility import FOLDED, Responsibility
 from foresee_dsl.campaign.findings.sureness import Sureness
+from foresee_dsl.campaign.findings.written import WrittenCampaign
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.documents import or_null
-from foresee_dsl.report.page.recorded import NO_JUDGEMENT, Campaign, Judgement
 from foresee_dsl.report.page.runs import Run
 from foresee_dsl.report.terminal.raw_numbers import FAMILY_TITLES
 
@@ -26,7 +26,7 @@ class Source:
     """A campaign's folder, its recorded results, and how they compare with the campaign before."""
 
     folder: Path
-    campaign: Campaign
+    campaign: WrittenCampaign
     standing: Standing
 
 
@@ -54,8 +54,8 @@ class FindingEntry:
     """The story in at most twelve words; "" if there is none, as in a campaign of an older version."""
     number: int = 0
     """The number by which commands address the finding; 0 if it has none."""
-    judgement: Judgement = NO_JUDGEMENT
-    """The judgement on whose failure it is; empty if the campaign was written by a version without judgements."""
+    judgement: Responsibility | None = None
+    """Whose failure it is; None if the campaign was written by a version without judgements."""
     diagnosis: str = ""
     """The part of the driver that causes the failure, in words; "" before `foresee diagnose` was run."""
     sure: Sureness | None = None
@@ -72,7 +72,11 @@ class FindingEntry:
         return {
             "number": self.number,
             "name": self.name,
-            "judgement": {"word": self.judgement.word, "text": self.judgement.text, "reason": self.judgement.reason},
+            "judgement": {
+                "word": self.judgement_word,
+                "text": self.judgement_text,
+                "reason": self.judgement_reason,
+            },
             "title": or_null(self.short_title),
             "sentence": self.title,
             "class": self.class_,
@@ -92,6 +96,21 @@ class FindingEntry:
         }
 
     @property
+    def judgement_word(self) -> str:
+        """Return whose failure it is, as a word; "" without a judgement."""
+        return self.judgement.whose.value if self.judgement is not None else ""
+
+    @property
+    def judgement_text(self) -> str:
+        """Return whose failure it is, in words; "" without a judgement."""
+        return self.judgement.whose.text if self.judgement is not None else ""
+
+    @property
+    def judgement_reason(self) -> str:
+        """Return why it is whose failure; "" without a judgement."""
+        return self.judgement.reason if self.judgement is not None else ""
+
+    @property
     def count(self) -> int:
         """Return the number of failing runs with this story, without the minimised copy of the representative."""
         return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
@@ -99,7 +118,7 @@ class FindingEntry:
     @property
     def folded(self) -> bool:
         """Return whether reports only count the finding: nothing follows from it for the driver, or it was triaged."""
-        return self.triage is not None or self.judgement.word in FOLDED
+        return self.triage is not None or (self.judgement is not None and self.judgement.whose in FOLDED)
 
     @property
     def standing(self) -> str:

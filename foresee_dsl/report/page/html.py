@@ -65,7 +65,7 @@ def rendered(contents: Contents, reader: Reader) -> str:
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
     findings = contents.findings
     filters = {
-        "judgement": [(j.value, j.text) for j in Whose if any(f.judgement.word == j.value for f in findings)],
+        "judgement": [(j.value, j.text) for j in Whose if any(f.judgement_word == j.value for f in findings)],
         "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.family)],
         "class": [(c, c) for c in options_of(findings, lambda finding: finding.class_)],
         "verdict": [(v, v) for v in options_of(findings, lambda finding: finding.verdict)],

@@ -9,7 +9,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -24,15 +23,6 @@ EVERY_S = 10.0
 MOST_LISTED = 100
 """Maximum number of failures that are listed; the latest come first. Ours: a few screens."""
 _FAILING = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
-
-
-@dataclass(frozen=True)
-class FailedRun:
-    """A failing run: its name, verdict and reason."""
-
-    name: str
-    verdict: str
-    reason: str
 
 
 class RunningPage(Figures):
@@ -53,7 +43,7 @@ class RunningPage(Figures):
         """
         super().__init__(clock, settings)
         self._file, self._settings, self._now = file, settings, now
-        self._failed: deque[FailedRun] = deque(maxlen=MOST_LISTED)
+        self._failed: deque[Row] = deque(maxlen=MOST_LISTED)
         self._written_s = -EVERY_S
 
     def planned(self, kind: str, count: int) -> None:
@@ -65,7 +55,7 @@ class RunningPage(Figures):
         """Count a finished run, and list it if it failed."""
         super().done(row, new=new)
         if row.kind in ("seed", "child") and row.verdict in _FAILING:
-            self._failed.appendleft(FailedRun(row.name, row.verdict, row.reason))
+            self._failed.appendleft(row)
         self._write()
 
     def text(self) -> str:

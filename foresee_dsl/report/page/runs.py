@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.campaign.findings.written import WrittenMinimised
+from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
@@ -27,13 +29,11 @@ from foresee_dsl.report.drawing.data import as_data
 from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import ground_shapes
 from foresee_dsl.report.page.playback import Marks, Parent, ego_way, playback
-from foresee_dsl.report.page.recorded import Anticipation, Minimised, Preventability, Reference
 from foresee_dsl.report.page.thumbnail import Thumbnail, thumbnail
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.steps import reason_texts, recorded_steps
 from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import contact_of, touched_at
-from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment, Story, tell
 from foresee_dsl.story.story import seen_for
@@ -52,10 +52,11 @@ REASONS_EVERY_S = 0.2
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """The end of a failing run, and the files of the run.
+class FailingRun:
+    """A failing run, and its files.
 
     Attributes:
+        record: how it ended, with the answers of the judges.
         address: the argument of `foresee run`: the mutant's file, or the test case's address. trace: the trace's file.
         parent_trace: the trace's file of the test case from which a mutant was derived.
         beside: traces of reference drivers in the same situation, by driver.
@@ -64,19 +65,20 @@ class Outcome:
 
     name: str
     address: str
-    verdict: str
-    reason: str
+    record: JudgedRun
     driver: str
     seed: int
     trace: Path | None
     parent_trace: Path | None = None
     operators: tuple[str, ...] = ()
-    preventability: Preventability | None = None
-    anticipation: Anticipation | None = None
-    references: tuple[Reference, ...] = ()
     beside: tuple[tuple[str, Path], ...] = ()
-    minimised: Minimised | None = None
+    minimised: WrittenMinimised | None = None
     unreduced: Path | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Return how the run ended, in a word."""
+        return self.record.verdict.value
 
     @property
     def label(self) -> str:
@@ -96,7 +98,7 @@ class Run:
         missing: the reason for each part that cannot be shown.
     """
 
-    outcome: Outcome
+    outcome: FailingRun
     id: str
     title: str
     moments: tuple[Moment, ...]
@@ -118,13 +120,13 @@ class Run:
             "name": self.outcome.name,
             "file": self.outcome.address,
             "verdict": self.outcome.verdict,
-            "reason": self.outcome.reason,
+            "reason": self.outcome.record.reason,
             "sentence": self.title,
             "moments": self.moments,
             "changes": self.changes,
             "unreduced": self.unreduced,
-            "why": self.outcome.preventability and self.outcome.preventability.why,
-            "anticipation_why": self.outcome.anticipation and self.outcome.anticipation.why,
+            "why": self.outcome.record.preventability and self.outcome.record.preventability.why,
+            "anticipation_why": self.outcome.record.anticipation and self.outcome.record.anticipation.why,
             "commands": self.command_lines,
             "missing": self.missing,
         }
@@ -194,7 +196,7 @@ class Reader:
         """Return a reader with the playbacks of these runs alone."""
         return Reader(self.roads, {name: self.playbacks[name] for name in ids if name in self.playbacks})
 
-    def read(self, outcome: Outcome) -> Run:
+    def read(self, outcome: FailingRun) -> Run:
         """Return a run, read from its files; `Run.missing` states the reason for each part that is missing."""
         missing: list[str] = []
         case = self._case(outcome, missing)
@@ -204,7 +206,7 @@ class Reader:
 
     def run(
         self,
-        outcome: Outcome,
+        outcome: FailingRun,
         case: TestCase | None,
         trace: Trace | None,
         parent: Parent | None = None,
@@ -223,9 +225,9 @@ class Reader:
         return Run(
             outcome=outcome,
             id=playback_id,
-            title=story.sentence if story else outcome.reason,
+            title=story.sentence if story else outcome.record.reason,
             moments=story.moments if story else (),
-            label=next((v.label for v in Verdict if v.value == outcome.verdict), outcome.verdict),
+            label=outcome.record.verdict.label,
             class_=story.contact.value if story else "",
             forecast=risk.text if risk is not None else "",
             changes=small,
@@ -238,7 +240,7 @@ class Reader:
         )
 
     def _played(
-        self, outcome: Outcome, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None
+        self, outcome: FailingRun, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None
     ) -> str:
         """Store the playback of a run, and return its id."""
         name = f"run-{len(self.playbacks)}"
@@ -253,7 +255,7 @@ class Reader:
         self.playbacks[name] = played
         return name
 
-    def strip(self, outcome: Outcome) -> str:
+    def strip(self, outcome: FailingRun) -> str:
         """Return the picture of a run as SVG; "" if its files are missing."""
         missing: list[str] = []
         case, trace = self._case(outcome, missing), self._load(outcome.trace, missing)
@@ -263,7 +265,7 @@ class Reader:
         ghost = parent.trace.part(parent.trace.frame_at(parent.start_s)) if parent is not None else None
         return strip_svg(trace, case, tell(trace, case), ghost=ghost)
 
-    def _case(self, outcome: Outcome, missing: list[str]) -> TestCase | None:
+    def _case(self, outcome: FailingRun, missing: list[str]) -> TestCase | None:
         try:
             return self._project.test_case(outcome.address)
         except InputError as err:
@@ -294,7 +296,7 @@ class Reader:
             return None
         return bundle
 
-    def _parent(self, outcome: Outcome, case: TestCase, missing: list[str]) -> Parent | None:
+    def _parent(self, outcome: FailingRun, case: TestCase, missing: list[str]) -> Parent | None:
         if case.clip is None or outcome.parent_trace is None:
             return None
         trace = self._load(outcome.parent_trace, missing)
@@ -357,7 +359,7 @@ def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:
     )
 
 
-def _changes(outcome: Outcome, case: TestCase | None) -> tuple[tuple[str, ...], tuple[str, ...], str]:
+def _changes(outcome: FailingRun, case: TestCase | None) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Return the changes of a mutant, its changes before it was minimised, and a note about that."""
     mutant = case.mutant if case is not None else None
     if mutant is None:
@@ -375,6 +377,6 @@ def _statements(mutant: Mutant) -> tuple[str, ...]:
     return tuple(print_item(item) for item in mutant.body if not isinstance(item, Origin | Doc))
 
 
-def _commands(outcome: Outcome) -> tuple[tuple[str, str], ...]:
+def _commands(outcome: FailingRun) -> tuple[tuple[str, str], ...]:
     options = ("--driver", outcome.driver, "--seed", str(outcome.seed))
     return (("run it", shlex.join(("foresee", "run", outcome.address, *options))),)

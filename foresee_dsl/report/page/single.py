@@ -6,9 +6,10 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from foresee_dsl.avoidance.anticipating import Answer
-from foresee_dsl.avoidance.r157.assessing import Preventable
+from foresee_dsl.avoidance.anticipating import Answer, Anticipation
+from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
+from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole
@@ -19,8 +20,8 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered
 from foresee_dsl.report.page.playback import Parent
-from foresee_dsl.report.page.recorded import Anticipation, Preventability
-from foresee_dsl.report.page.runs import Outcome, Reader
+from foresee_dsl.report.page.runs import FailingRun, Reader
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 _RECORDED = "as its file records"
@@ -59,16 +60,18 @@ def write_view(
     origin = case.mutant.origin if case.mutant is not None else None
     careful = next((answer for answer in Preventable if origin and answer.origin == origin.preventable), None)
     ahead = next((answer for answer in Answer if origin and answer.origin == origin.anticipating), None)
-    outcome = Outcome(
+    answers = (
+        *((Preventability(careful, _RECORDED),) if careful else ()),
+        *((Anticipation(ahead, _RECORDED),) if ahead else ()),
+    )
+    verdict = next((verdict for verdict in Verdict if verdict.value == trace.meta.get("verdict")), Verdict.INVALID)
+    outcome = FailingRun(
         name=case_name(case),
         address=case.id,
-        verdict=str(trace.meta.get("verdict", "")),
-        reason=str(trace.meta.get("reason", "")),
+        record=JudgedRun(verdict=verdict, reason=str(trace.meta.get("reason", "")), judgements=answers),
         driver=driver,
         seed=seed,
         trace=None,
-        preventability=Preventability(verdict=careful.value, why=_RECORDED) if careful else None,
-        anticipation=Anticipation(answer=ahead.value, why=_RECORDED) if ahead else None,
     )
     reader = Reader(reasons=not address.endswith(".npz"))  # viewing a trace starts no driver
     parent = None
@@ -81,16 +84,16 @@ def write_view(
         key=outcome.name,
         title=run.title,
         class_=run.class_,
-        verdict=outcome.verdict,
+        verdict=verdict.value,
         label=run.label,
         family=case.family,
         driver=driver,
-        preventability=outcome.preventability.verdict if outcome.preventability else "",
-        anticipation=outcome.anticipation.answer if outcome.anticipation else "",
+        preventability=careful.value if careful else "",
+        anticipation=ahead.value if ahead else "",
         test_case=case.id,
         runs=(run,),
     )
-    headline = f"{outcome.name}: {outcome.reason}"
+    headline = f"{outcome.name}: {outcome.record.reason}"
     contents = Contents(outcome.name, headline, f"driver {driver} · seed {seed}", (entry,), ())
     target = file or Path("out") / "view" / f"{_NO_FILE_NAME.sub('_', outcome.name)}.html"
     write_whole(target, rendered(contents, reader))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
+from foresee_dsl.campaign.findings.written import WrittenCampaign
+from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.report.page.entries import FindingEntry, Source, family_title
-from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
+from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_NEAR = 10
@@ -44,11 +47,11 @@ def overview(sources: Sequence[Source], findings: Sequence[FindingEntry]) -> Ite
     failed = [
         (
             *((source.campaign.driver,) if several else ()),
-            case.test_case,
+            case.id,
             ended(case),
             case.reason,
-            case.preventability.verdict if case.preventability else "",
-            case.anticipation.answer if case.anticipation else "",
+            case.preventability.answer if case.preventability else "",
+            case.anticipation.answer.value if case.anticipation else "",
         )
         for source in sources
         for case in source.campaign.test_cases
@@ -58,11 +61,11 @@ def overview(sources: Sequence[Source], findings: Sequence[FindingEntry]) -> Ite
         headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", R157, ANTICIPATING)
         yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=len(headings))
     broken = [
-        (child.mutant, clip.test_case, sentence)
+        (child.name, clip.seed, sentence)
         for source in sources
         for clip in source.campaign.clip_runs
         for child in clip.children
-        if child.verdict == Verdict.PASS.value
+        if child.verdict is Verdict.PASS
         for sentence in child.broken_expectations
     ]
     if broken:
@@ -72,9 +75,9 @@ def overview(sources: Sequence[Source], findings: Sequence[FindingEntry]) -> Ite
         yield nearest
 
 
-def ended(case: CaseRun) -> str:
+def ended(case: CaseRunOutcome) -> str:
     """Return a test case's verdict, or `expectation` if it passed but broke expectations."""
-    return EXPECTATION if case.verdict == Verdict.PASS.value and case.broken_expectations else case.verdict
+    return EXPECTATION if case.verdict is Verdict.PASS and case.broken_expectations else case.verdict.value
 
 
 def _nearest(sources: Sequence[Source]) -> Table:
@@ -82,24 +85,24 @@ def _nearest(sources: Sequence[Source]) -> Table:
     misses: list[tuple[float, tuple[str, ...]]] = []
     for source in sources:
         campaign = source.campaign
-        runs = [(case.test_case, case.verdict, case.near_misses) for case in campaign.test_cases]
-        runs += [(c.mutant, c.verdict, c.near_misses) for clip in campaign.clip_runs for c in clip.children]
+        runs = [(case.id, case.verdict, case.near) for case in campaign.test_cases]
+        runs += [(c.name, c.verdict, c.near) for clip in campaign.clip_runs for c in clip.children]
         for name, verdict, near in runs:
-            first = (near or {}).get("ttc_s")
-            if verdict == Verdict.PASS.value and near and first is not None and first.value is not None:
-                row = (name, first.with_, f"{first.time_s:.2f}", *_misses(near))
+            first = near.ttc_s if near is not None else None
+            if verdict is Verdict.PASS and first is not None and math.isfinite(first.value):
+                row = (name, first.actor, f"{first.time_s:.2f}", *_misses(near))
                 misses.append((first.value, row))
     misses.sort()
     headings = ("run", "with", "at s", "nearest m", "TTC s", "PET s", "braking m/s²")
     return Table("Nearest misses that passed", headings, tuple(row for _, row in misses[:MOST_NEAR]), texts=2)
 
 
-def _misses(near: Mapping[str, Nearest | None]) -> tuple[str, ...]:
+def _misses(near: NearMisses | None) -> tuple[str, ...]:
     """Return distance, time to collision, post-encroachment time and needed braking as texts; "" for a measure without
     a value.
     """
-    values = (near.get(name) for name in ("distance_m", "ttc_s", "pet_s", "drac_mps2"))
-    return tuple("" if v is None or v.value is None else f"{v.value:.2f}" for v in values)
+    values = (near.distance_m, near.ttc_s, near.pet_s, near.drac_mps2) if near is not None else (None,) * 4
+    return tuple("" if v is None or math.isinf(v.value) else f"{v.value:.2f}" for v in values)
 
 
 def _by(what: str, findings: Sequence[FindingEntry], key: Callable[[FindingEntry], str]) -> Table:
@@ -136,7 +139,7 @@ def numbers(sources: Sequence[Source]) -> Iterator[Table]:
         )
 
 
-def _figures(campaign: Campaign) -> Iterator[tuple[str, str]]:
+def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
     others = campaign.fidelity.get("others", {})
     yield "test cases", str(len(campaign.test_cases))
     yield "risky points", str(campaign.risky_points)
@@ -152,15 +155,15 @@ def _figures(campaign: Campaign) -> Iterator[tuple[str, str]]:
         yield "other actors of clips within 0.1 m of their parent", f"{float(others['within_0.1_m']):.1%}"
 
 
-def _kinds(campaign: Campaign) -> list[str]:
+def _kinds(campaign: WrittenCampaign) -> list[str]:
     """Return the kinds of failures of a campaign; `goal` is one of them if it has a goal."""
     return [*(verdict.value for verdict in FAILURES), *([Verdict.GOAL.value] if campaign.goal is not None else [])]
 
 
-def _family_table(campaign: Campaign, driver: str) -> Table:
+def _family_table(campaign: WrittenCampaign, driver: str) -> Table:
     kinds = _kinds(campaign)
     headings = ("family", "cases", "not passed", "points", "clips", "children", *kinds, "failing children")
-    families = {case.test_case: case.family for case in campaign.test_cases}
+    families = {case.id: case.family for case in campaign.test_cases}
     rows = [
         _family_row(campaign, families, {family}, family_title(family)) for family in sorted(set(families.values()))
     ]
@@ -168,10 +171,10 @@ def _family_table(campaign: Campaign, driver: str) -> Table:
     return Table(f"By family {driver}".strip(), headings, tuple(rows), total)
 
 
-def _family_row(campaign: Campaign, families: dict[str, str], which: set[str], name: str) -> tuple[str, ...]:
+def _family_row(campaign: WrittenCampaign, families: dict[str, str], which: set[str], name: str) -> tuple[str, ...]:
     cases = [case for case in campaign.test_cases if case.family in which]
-    clips = [clip for clip in campaign.clip_runs if families.get(clip.test_case, "") in which]
-    verdicts = Counter(child.verdict for clip in clips for child in clip.children)
+    clips = [clip for clip in campaign.clip_runs if families.get(clip.seed, "") in which]
+    verdicts = Counter(child.verdict.value for clip in clips for child in clip.children)
     kinds = [verdicts[kind] for kind in _kinds(campaign)]
     counts = (
         len(cases),
@@ -185,35 +188,35 @@ def _family_row(campaign: Campaign, families: dict[str, str], which: set[str], n
     return (name, *map(str, counts))
 
 
-def _operator_table(campaign: Campaign, driver: str) -> Table:
+def _operator_table(campaign: WrittenCampaign, driver: str) -> Table:
     ran: Counter[str] = Counter()
     failed: Counter[str] = Counter()
     for clip in campaign.clip_runs:
         for child in clip.children:
             names = " + ".join(child.operators) or "none"
             ran[names] += 1
-            failed[names] += child.file is not None
+            failed[names] += bool(child.failed_file)
     rows = [(name, str(ran[name]), str(failed[name]), f"{failed[name] / ran[name]:.1%}") for name in sorted(ran)]
     return Table(f"By operator {driver}".strip(), ("operators", "children", "failing", "share"), tuple(rows))
 
 
-def _allocation_table(campaign: Campaign, driver: str) -> Table:
+def _allocation_table(campaign: WrittenCampaign, driver: str) -> Table:
     """Return the table of children by clip and round; the clips with the most children come first."""
     rounds = sorted({child.round or 0 for clip in campaign.clip_runs for child in clip.children})
     rows = []
-    for clip in sorted(campaign.clip_runs, key=lambda clip: (-len(clip.children), clip.clip)):
+    for clip in sorted(campaign.clip_runs, key=lambda clip: (-len(clip.children), clip.name)):
         of = Counter(child.round or 0 for child in clip.children)
         near = sum(bool(child.drawn_near) for child in clip.children)
-        failing = sum(child.file is not None for child in clip.children)
+        failing = sum(bool(child.failed_file) for child in clip.children)
         counts = (len(clip.children), *(of[number] for number in rounds), near, failing)
-        rows.append((clip.clip, *map(str, counts)))
+        rows.append((clip.name, *map(str, counts)))
     headings = ("clip", "children", *(f"round {number}" for number in rounds), "near another", "failing")
     return Table(f"Children by clip {driver}".strip(), headings, tuple(rows))
 
 
-def _case_row(case: CaseRun) -> tuple[str, ...]:
-    measures = _misses(case.near_misses or {})
-    return (case.test_case, ended(case), case.reason, str(case.risky_points), *measures)
+def _case_row(case: CaseRunOutcome) -> tuple[str, ...]:
+    measures = _misses(case.near)
+    return (case.id, ended(case), case.reason, str(case.risky_points), *measures)
 
 
 def _duration(seconds: float) -> str:

@@ -402,7 +402,7 @@ def _passed(seed: CaseRunOutcome) -> bool:
 
 
 def _broke(child: ChildOutcome) -> bool:
-    return is_problem(child.verdict, child.notes) and not child.verdict.is_failure
+    return is_problem(child.verdict, hangs=child.hangs) and not child.verdict.is_failure
 
 
 def _path(before: str, path: Path | str) -> Text:

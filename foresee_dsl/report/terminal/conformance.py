@@ -45,8 +45,8 @@ def print_conformance(console: Console, conformance: Conformance) -> None:
         console.print(Text("\nTen cases, the easiest first", style="bold"))
         case_width = max(len(case.name) for case in conformance.cases) + 5
         for number, case in enumerate(conformance.cases, start=1):
-            style = _STYLES[CheckStatus.PASS if case.passed else CheckStatus.FAIL]
-            mark = case.verdict.value if case.passed or case.verdict.value != "pass" else "BROKEN"
+            style = _STYLES[CheckStatus.PASS if case.run.passed else CheckStatus.FAIL]
+            mark = case.run.verdict.value if case.run.passed or case.run.verdict.value != "pass" else "BROKEN"
             _row(console, f"{number:>2} {case.name}", case_width, mark, style, _ending(case))
     console.print()
     console.print(_summary(conformance), soft_wrap=True)
@@ -64,14 +64,14 @@ def _row(console: Console, name: str, width: int, mark: str, mark_style: str, de
 
 def _ending(case: ConformanceCase) -> str:
     """Return how a case ended; for one that failed also what it is about."""
-    if case.passed:
-        return case.reason
-    return f"{without_verdict(case.verdict, case.reason)}. {case.about}"
+    if case.run.passed:
+        return case.run.reason
+    return f"{without_verdict(case.run.verdict, case.run.reason)}. {case.about}"
 
 
 def _summary(conformance: Conformance) -> Text:
     judged = [check for check in conformance.checks if check.status is not CheckStatus.SKIPPED]
-    passed, arrived = len(judged) - len(conformance.failed), sum(case.passed for case in conformance.cases)
+    passed, arrived = len(judged) - len(conformance.failed), sum(case.run.passed for case in conformance.cases)
     cases = f", {arrived} of {len(conformance.cases)} cases pass" if conformance.cases else ""
     words = "conforms" if conformance.conforms else "does not conform"
     style = "bold green" if conformance.conforms else "bold red"

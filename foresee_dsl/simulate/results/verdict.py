@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
-from foresee_dsl.documents import rounded
+from foresee_dsl.documents import read_fields, rounded
 from foresee_dsl.drivers.following import Deviation
 from foresee_dsl.notebooks import Displayed
 from foresee_dsl.simulate.results.goal import GoalMargin
@@ -153,6 +153,11 @@ class Impact:
             "ego_mps": rounded(self.ego_mps, 3),
             "other_mps": rounded(self.other_mps, 3),
         }
+
+    @classmethod
+    def from_document(cls, data: Mapping[str, Any]) -> Self:
+        """Return the contact that a JSON document states."""
+        return cls(**read_fields(cls, data), turned_rad=math.radians(data["turned_deg"]))
 
     @property
     def turned_deg(self) -> float:

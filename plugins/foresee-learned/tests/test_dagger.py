@@ -89,7 +89,7 @@ def test_every_round_of_every_driver_has_its_own_seed() -> None:
 
 def test_figures_of_an_evaluation() -> None:
     def made(verdict: Verdict, reason: str, way_m: float) -> DriverRun:
-        return DriverRun("a.foresee", "3", "pdm", "1", verdict, reason, 10.0, way_m, 0, 2.0, "")
+        return DriverRun("a.foresee", "3", "pdm", "1", way_m, 0, 2.0, verdict=verdict, reason=reason, duration_s=10.0)
 
     runs = [
         made(Verdict.PASS, "arrived at 10.00 s", 100.0),

@@ -72,8 +72,8 @@ def _summary(result: FuzzedCase, case: TestCase) -> CaseSummary:
         family=result.family,
         half=half_of(case.id),
         plain=result.verdict,
-        failed=result.failed.verdict if result.failed is not None else None,
+        failed=result.failed.outcome.verdict if result.failed is not None else None,
         runs=len(result.every),
-        simulated_s=round(sum(run.duration_s for run in result.every), 2),
+        simulated_s=round(sum(run.outcome.duration_s for run in result.every), 2),
         wall_s=round(sum(run.outcome.wall_s for run in result.every), 4),
     )

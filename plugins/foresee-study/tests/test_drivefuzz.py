@@ -69,7 +69,7 @@ def test_cycles_go_on_from_the_worst_drive_and_a_failure_ends_its_seed(
     assert [seed.verdict for seed in result.seeds] == [Verdict.PASS] * 2
     assert result.failures > 0, "choose another seed: the test needs a failure"
     for seed in result.seeds:
-        failures = [run for run in seed.every if run.verdict.is_failure]
+        failures = [run for run in seed.every if run.outcome.verdict.is_failure]
         assert failures in ([], [seed.every[-1]])
         for number, cycle in enumerate(seed.cycles):
             assert [run.number for run in cycle.runs] == list(range(1, len(cycle.runs) + 1))
@@ -77,7 +77,7 @@ def test_cycles_go_on_from_the_worst_drive_and_a_failure_ends_its_seed(
                 assert cycle is seed.cycles[-1] and seed.failed is cycle.runs[-1]
                 continue
             chosen = cycle.runs[cycle.chosen - 1]
-            assert chosen.score == min(run.score for run in cycle.runs if run.verdict is not Verdict.INVALID)
+            assert chosen.score == min(run.score for run in cycle.runs if run.outcome.verdict is not Verdict.INVALID)
             for child in seed.cycles[number + 1].runs if number + 1 < len(seed.cycles) else ():
                 more = set(child.outcome.lines.split("\n")) - set(chosen.outcome.lines.split("\n"))
                 assert more, f"{child.name} changes nothing of {chosen.name}"
@@ -96,9 +96,13 @@ def test_files_check_are_formatted_and_run_again_to_the_same_verdict(done: tuple
     for one in files:
         assert format_text(one.read_text(), str(one)) == one.read_text()
     failed = next(seed.failed for seed in result.seeds if seed.failed is not None)
-    for run in (failed, next(run for run in runs if run.verdict is Verdict.PASS)):
+    for run in (failed, next(run for run in runs if run.outcome.verdict is Verdict.PASS)):
         again = run_test_case(load_test_case(out / run.address), "idm", SETTINGS.seed)
-        assert (again.verdict, again.reason, again.trace.digest) == (run.verdict, run.reason, run.digest)
+        assert (again.verdict, again.reason, again.trace.digest) == (
+            run.outcome.verdict,
+            run.outcome.reason,
+            run.outcome.digest,
+        )
 
 
 def test_a_fuzzing_that_is_killed_goes_on_to_the_same_bytes_with_another_number_of_workers(

@@ -20,7 +20,7 @@ from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import case_name, longest_s
 from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, Task, Update
-from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.import_closure import DIGITS
 from foresee_dsl.campaign.keys import driver_identity, step_code
 from foresee_dsl.campaign.storage.store import Row, Store
@@ -30,8 +30,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.folder import FOLDER, publish
-from foresee_study.fuzz.quality import Quality
-from foresee_study.fuzz.records import Cycle, FuzzedCase, FuzzResult, FuzzRun, Outcome, decode, encode
+from foresee_study.fuzz.records import Cycle, FuzzedCase, FuzzResult, FuzzRun, MutatedRun, decode, encode
 from foresee_study.fuzz.texts import Original, file_text, original_of
 from foresee_study.fuzz.worker import Job, run_job
 
@@ -87,8 +86,8 @@ class _Progress:
     name: str
     settings: s.FuzzSettings
     out: Path
-    plain: Outcome | None = None
-    cycles: list[dict[int, Outcome]] = field(default_factory=list)
+    plain: MutatedRun | None = None
+    cycles: list[dict[int, MutatedRun]] = field(default_factory=list)
     parents: list[str] = field(default_factory=lambda: [""])
     """For each cycle, the lines of the mutated test case that is mutated again in that cycle."""
     chosen: list[int] = field(default_factory=list)
@@ -122,7 +121,7 @@ class _Progress:
         done = self.cycles[-1]
         return [k for k in range(1, self.settings.mutations + 1) if k not in done][:most]
 
-    def take(self, number: int, outcome: Outcome) -> None:
+    def take(self, number: int, outcome: MutatedRun) -> None:
         """Store the outcome of a mutation; at the end of a cycle, choose the test case that is mutated next."""
         self.waits.discard(number)
         if number == 0:
@@ -150,7 +149,7 @@ class _Progress:
                 cycles.append(Cycle(k, tuple(self._named(k, n, outcome) for n, outcome in counted.items()), chosen))
         return FuzzedCase(self.case.id, self.case.family, self.plain, tuple(cycles))
 
-    def _named(self, cycle: int, number: int, outcome: Outcome) -> FuzzRun:
+    def _named(self, cycle: int, number: int, outcome: MutatedRun) -> FuzzRun:
         name = f"{self.name}_c{cycle:02d}_m{number}"
         file = f"{FOLDER}/{self.name}/{name}.foresee" if outcome.lines else ""
         about = (f"Cycle {cycle}, mutation {number} of {self.case.id}: {outcome.what}. Seed {self.settings.seed}, "
@@ -250,9 +249,8 @@ class _Fuzzing:
         outcome, broken = update.value, isinstance(update.value, BrokenTask)
         ended_outside = isinstance(update.value, BrokenTask) and update.value.how == "killed"
         if isinstance(update.value, BrokenTask):
-            verdict, reason = broken_verdict(update.value)
-            outcome = Outcome("", "broke", verdict, "", reason, 0.0, 0.0, 0.0, Quality())
-            self.broken.append(f"{job.name}: {reason}")
+            outcome = broken_run(MutatedRun, update.value, what="broke")
+            self.broken.append(f"{job.name}: {outcome.reason}")
             for listener in self._listeners:
                 listener.broken(self.broken[-1])
         row = Row(

@@ -11,37 +11,29 @@ from pydantic import TypeAdapter
 
 from foresee_dsl.documents import or_null, plain, rounded
 from foresee_dsl.files import unpacked_within
+from foresee_dsl.simulate.results.run_record import RunRecord
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz.quality import Quality
 from foresee_study.fuzz.settings import FuzzSettings
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """The result of one mutated test case, as stored.
+class MutatedRun(RunRecord):
+    """The run of one mutated test case, as stored.
 
     Attributes:
         lines: the lines of its file that add or change statements of the original test case, as text.
         what: its mutation in words.
-        verdict, with_, reason, time_s, duration_s: the end of its run; `with_` is the actor that the ego hit, or "".
         wall_s: wall time of the draws and the run, s.
         quality: the driving quality of the ego.
         refused: number of impossible draws before it.
-        digest: the digest of its trace.
     """
 
-    lines: str
-    what: str
-    verdict: Verdict
-    with_: str
-    reason: str
-    time_s: float
-    duration_s: float
-    wall_s: float
-    quality: Quality
+    lines: str = ""
+    what: str = ""
+    wall_s: float = 0.0
+    quality: Quality = field(default_factory=Quality)
     refused: int = 0
-    digest: str = ""
-    """The digest of the run's trace."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ class FuzzRun:
     number: int
     file: str
     address: str
-    outcome: Outcome
+    outcome: MutatedRun
     text: str = field(default="", repr=False)
 
     def as_document(self) -> dict[str, object]:
@@ -65,69 +57,24 @@ class FuzzRun:
             "name": self.name,
             "cycle": self.cycle,
             "number": self.number,
-            "what": self.what,
+            "what": self.outcome.what,
             "score": rounded(self.score, 4),
-            "quality": self.quality,
-            "verdict": self.verdict,
-            "with": or_null(self.with_),
-            "reason": self.reason,
-            "time_s": rounded(self.time_s, 2),
-            "duration_s": rounded(self.duration_s, 2),
-            "refused": self.refused,
-            "digest": or_null(self.digest),
+            "quality": self.outcome.quality,
+            "verdict": self.outcome.verdict,
+            "with": or_null(self.outcome.with_),
+            "reason": self.outcome.reason,
+            "time_s": rounded(self.outcome.time_s, 2),
+            "duration_s": rounded(self.outcome.duration_s, 2),
+            "refused": self.outcome.refused,
+            "digest": or_null(self.outcome.digest),
             "file": self.file,
             "address": self.address,
         }
 
     @property
-    def what(self) -> str:
-        """Return the mutation in words."""
-        return self.outcome.what
-
-    @property
     def score(self) -> float:
         """Return the driving quality; a lower value is worse."""
         return self.outcome.quality.score
-
-    @property
-    def quality(self) -> Quality:
-        """Return the parts of the score."""
-        return self.outcome.quality
-
-    @property
-    def verdict(self) -> Verdict:
-        """Return the verdict of the run."""
-        return self.outcome.verdict
-
-    @property
-    def with_(self) -> str:
-        """Return the id of the actor that the ego hit, or ""."""
-        return self.outcome.with_
-
-    @property
-    def reason(self) -> str:
-        """Return the verdict in words."""
-        return self.outcome.reason
-
-    @property
-    def time_s(self) -> float:
-        """Return the time of the verdict, s."""
-        return self.outcome.time_s
-
-    @property
-    def duration_s(self) -> float:
-        """Return the simulated time of the run, s."""
-        return self.outcome.duration_s
-
-    @property
-    def refused(self) -> int:
-        """Return the number of impossible draws before this mutation."""
-        return self.outcome.refused
-
-    @property
-    def digest(self) -> str:
-        """Return the digest of the run's trace."""
-        return self.outcome.digest
 
 
 @dataclass(frozen=True)
@@ -164,7 +111,7 @@ class FuzzedCase:
 
     test_case: str
     family: str
-    plain: Outcome | None
+    plain: MutatedRun | None
     cycles: tuple[Cycle, ...] = ()
 
     def as_document(self) -> dict[str, object]:
@@ -206,7 +153,7 @@ class FuzzedCase:
     @property
     def failed(self) -> FuzzRun | None:
         """Return the failing mutation, which ended the test case; None without a failure."""
-        return next((run for run in self.every if run.verdict.is_failure), None)
+        return next((run for run in self.every if run.outcome.verdict.is_failure), None)
 
     @property
     def failure(self) -> str | None:
@@ -216,7 +163,7 @@ class FuzzedCase:
     @property
     def passed(self) -> tuple[FuzzRun, ...]:
         """Return the mutated test cases that pass."""
-        return tuple(run for run in self.every if run.verdict is Verdict.PASS)
+        return tuple(run for run in self.every if run.outcome.verdict is Verdict.PASS)
 
     @property
     def passing(self) -> list[str]:
@@ -227,7 +174,7 @@ class FuzzedCase:
     def worst(self) -> FuzzRun | None:
         """Return the passing drive with the lowest score in the last cycle that has one; None if there is none."""
         chosen = [run for cycle in self.cycles for run in cycle.runs if run.number == cycle.chosen]
-        return next((run for run in reversed(chosen) if run.verdict is Verdict.PASS), None)
+        return next((run for run in reversed(chosen) if run.outcome.verdict is Verdict.PASS), None)
 
     @property
     def last(self) -> str | None:
@@ -243,7 +190,7 @@ class FuzzedCase:
     def simulated_s(self) -> float:
         """Return the simulated time of all runs, s."""
         plain_s = self.plain.duration_s if self.plain is not None else 0.0
-        return plain_s + sum(run.duration_s for run in self.every)
+        return plain_s + sum(run.outcome.duration_s for run in self.every)
 
 
 @dataclass(frozen=True)
@@ -281,7 +228,7 @@ class FuzzResult:
     def all_passed(self) -> bool:
         """Return whether every test case passes unmutated, no mutation failed, and the driver never crashed."""
         good = all(case.usable and case.failed is None for case in self.seeds)
-        return good and not any(run.verdict is Verdict.CRASH for case in self.seeds for run in case.every)
+        return good and not any(run.outcome.verdict is Verdict.CRASH for case in self.seeds for run in case.every)
 
     @property
     def simulated_s(self) -> float:
@@ -321,19 +268,20 @@ class CycleMean:
         }
 
 
-def encode(outcome: Outcome) -> bytes:
+def encode(outcome: MutatedRun) -> bytes:
     """Return an outcome as it is stored; floats keep every bit."""
-    return zlib.compress(json.dumps(_adapter().dump_python(outcome, mode="json"), separators=(",", ":")).encode(), 1)
+    data = _adapter().dump_python(outcome, mode="json")
+    return zlib.compress(json.dumps(data, separators=(",", ":")).encode(), 1)
 
 
-def decode(data: bytes) -> Outcome:
+def decode(data: bytes) -> MutatedRun:
     """Return a stored outcome; raises `ValueError` if another version wrote it."""
     return _adapter().validate_json(unpacked_within("record", data))
 
 
 @cache
-def _adapter() -> TypeAdapter[Outcome]:
-    return TypeAdapter(Outcome)
+def _adapter() -> TypeAdapter[MutatedRun]:
+    return TypeAdapter(MutatedRun)
 
 
 def document(result: FuzzResult) -> dict[str, object]:

@@ -73,7 +73,7 @@ def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
     """Print the failures, the lowest scores by cycle, and the paths of the files."""
     usable = [case for case in result.seeds if case.usable]
     every = [run for case in result.seeds for run in case.every]
-    counts = Counter(run.verdict for run in every)
+    counts = Counter(run.outcome.verdict for run in every)
     summary = ", ".join(f"{counts[kind]} {_CALLED.get(kind, kind.value)}" for kind in Verdict if counts[kind])
     style = "bold red" if result.failures else "bold green"
     line = f"{counted(len(every), 'mutation')}: {summary}" if every else "no mutation was run"
@@ -100,10 +100,10 @@ def _print_case(console: Console, case: FuzzedCase, out: Path) -> None:
     name = safe(case.test_case)
     run = case.failed
     if run is not None:
-        reason = f" {safe(without_verdict(run.verdict, run.reason))}"
-        console.print(Text.assemble((f"{name}  ", "bold"), (run.verdict.value, run.verdict.style), reason),
+        verdict, reason = run.outcome.verdict, f" {safe(without_verdict(run.outcome.verdict, run.outcome.reason))}"
+        console.print(Text.assemble((f"{name}  ", "bold"), (verdict.value, verdict.style), reason),
                       soft_wrap=True)  # fmt: skip
-        _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.what}")
+        _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.outcome.what}")
         console.print(f"  {out / run.file}", soft_wrap=True, markup=False)
     elif case.plain is None:
         console.print(Text.assemble((f"{name}  ", "bold"), ("not run yet", "dim")), soft_wrap=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.regression.expectations import Ending
+from foresee_dsl.campaign.regression.expectations import expected_of
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import parse
@@ -16,7 +16,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz.mutation import Line
-from foresee_study.fuzz.records import Outcome
+from foresee_study.fuzz.records import MutatedRun
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def file_text(
     *,
     about: str = "",
     driver: str = "",
-    outcome: Outcome | None = None,
+    outcome: MutatedRun | None = None,
 ) -> str:
     """Return the whole file of a mutated test case.
 
@@ -98,7 +98,7 @@ def file_text(
     body: list[m.ExtensionItem] = [m.Doc(text=" ".join(about.replace('"', "'").split()))] if about else []
     # A timeout may not happen again on another machine.
     if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:
-        expected = Ending(outcome.verdict, outcome.with_).expected_of(driver)
+        expected = expected_of(outcome, driver)
         body += [] if expected is None else [expected]
     body += [*original.alone, *lines_of(text)]
     return print_model(m.Extension(name=name, parent=relative_path(original.file, file.parent), body=tuple(body)))

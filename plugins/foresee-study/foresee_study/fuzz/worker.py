@@ -20,8 +20,8 @@ from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.mutation import Mutated, Mutator
-from foresee_study.fuzz.quality import Quality, quality_of
-from foresee_study.fuzz.records import Outcome
+from foresee_study.fuzz.quality import quality_of
+from foresee_study.fuzz.records import MutatedRun
 from foresee_study.fuzz.texts import Original, file_text, lines_of, text_of
 
 
@@ -55,7 +55,7 @@ class Job:
         return f"{stem}{'_' if case else ''}{case} {self.cycle}.{self.number}"
 
 
-def run_job(job: Job) -> Outcome:
+def run_job(job: Job) -> MutatedRun:
     """Draw mutations until one is possible; run it, and return the outcome."""
     started = time.perf_counter()
     original = _case(job.original, "", job.folder)
@@ -69,15 +69,15 @@ def run_job(job: Job) -> Outcome:
         mutated = mutator.all_changes() if job.settings.together else mutator.one_change()
         if mutated is not None:
             outcome = _run_or_refusal(job, mutated, started)
-            if isinstance(outcome, Outcome):
+            if isinstance(outcome, MutatedRun):
                 return replace(outcome, refused=refused)
             last_reason = outcome
         refused += 1
     wall_s, reason = time.perf_counter() - started, f"invalid: {last_reason}"
-    return Outcome("", last_reason, Verdict.INVALID, "", reason, 0.0, 0.0, wall_s, Quality(), refused)
+    return MutatedRun(what=last_reason, wall_s=wall_s, refused=refused, verdict=Verdict.INVALID, reason=reason)
 
 
-def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> Outcome | str:
+def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> MutatedRun | str:
     """Return the outcome of a mutation's run, or the reason why the mutation is refused."""
     text = text_of(mutated.lines)
     try:
@@ -93,17 +93,13 @@ def _run_or_refusal(job: Job, mutated: Mutated, started: float) -> Outcome | str
     return outcome
 
 
-def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> Outcome:
+def _run(job: Job, case: TestCase, text: str, what: str, started: float) -> MutatedRun:
     settings = job.settings
     result = run_test_case(case, settings.driver, settings.seed, deadlines=job.deadlines, rules=RulesMode.OFF)
-    return Outcome(
+    return MutatedRun.of(
+        result,
         lines=text,
         what=what,
-        verdict=result.verdict,
-        with_=result.with_,
-        reason=result.reason,
-        time_s=result.time_s,
-        duration_s=result.duration_s,
         wall_s=time.perf_counter() - started,
         quality=quality_of(result.trace),
         digest=result.trace.digest,
