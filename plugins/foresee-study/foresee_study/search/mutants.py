@@ -67,8 +67,8 @@ class ProposedMutants(MutantsStep):
             names, changes = drawn
             origin = Origin(operator=names, preset=settings.preset, seed=Quantity(value=Decimal(self.seed)),
                             tool=__version__, driver=driver or None)  # fmt: skip
-            suffix = f"m{number}"
-            name = f"{self.draft.name}_{suffix}"
+            suffix = f"_m{number}"
+            name = f"{self.draft.name}{suffix}"
             mutant = Mutant(name=name, parent=f"{self.draft.name}.foresee", pin=pin_of(parent), body=(*changes, origin))
             meaning = expand_mutant(mutant, parent, source=work.folder / f"{name}.foresee").meaning
             drafts.append(MutantDraft(number, print_model(mutant), meaning, suffix))
