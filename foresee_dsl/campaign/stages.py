@@ -25,7 +25,8 @@ from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Step, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs

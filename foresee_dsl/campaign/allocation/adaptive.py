@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from foresee_dsl.campaign.allocation.draws import SEARCHED_WAY, ClipDraws, Way
-from foresee_dsl.campaign.allocation.facts import PastChild
+from foresee_dsl.campaign.allocation.draws import SEARCHED_WAY, ClipDraws, PastChild, Way
 from foresee_dsl.campaign.allocation.method import RoundBudget, why_near
 from foresee_dsl.derive.mutate import How
 

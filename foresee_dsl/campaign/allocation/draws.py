@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from foresee_dsl.campaign.node import StepNode
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RequestedMutant, RoundRequest
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest
 from foresee_dsl.derive.local_search import WEAKER
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 
@@ -55,6 +56,21 @@ class ClipGroup(NamedTuple):
 
     family: str
     rank: int
+
+
+class PastChild(NamedTuple):
+    """A mutant of an earlier round.
+
+    Attributes:
+        clip: pin of its clip. group: what its clip has in common with others. way: its way of drawing.
+        facts: the facts about it. avoided: whether a judge or a reference driver avoids its failure.
+    """
+
+    clip: str
+    group: ClipGroup
+    way: Way
+    facts: ChildFacts
+    avoided: bool = False
 
 
 class DrawnChild(NamedTuple):

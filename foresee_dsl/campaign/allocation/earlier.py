@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from foresee_dsl.campaign.steps.clip_text import clip_of
-from foresee_dsl.campaign.steps.mutants import RequestedMutant
+from foresee_dsl.campaign.steps.requests import RequestedMutant
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.model import Change, Clip, Mutant, Quantity

@@ -6,10 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from foresee_dsl.avoidance.references import ReferenceRun
-from foresee_dsl.campaign.allocation.draws import ClipGroup, Way
 from foresee_dsl.campaign.findings.grouping import story_cell
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.simulate.results.near_misses import NearMisses
@@ -59,21 +57,6 @@ class ChildFacts:
             avoidable=any(judgement.avoids for judgement in child.judgements),
             nearness=0.0,
         )
-
-
-class PastChild(NamedTuple):
-    """A mutant of an earlier round.
-
-    Attributes:
-        clip: pin of its clip. group: what its clip has in common with others. way: its way of drawing.
-        facts: the facts about it. avoided: whether a judge or a reference driver avoids its failure.
-    """
-
-    clip: str
-    group: ClipGroup
-    way: Way
-    facts: ChildFacts
-    avoided: bool = False
 
 
 def nearness_of(near: NearMisses | None) -> float:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from foresee_dsl.campaign.allocation.draws import ClipDraws, Option
-    from foresee_dsl.campaign.allocation.facts import PastChild
+    from foresee_dsl.campaign.allocation.draws import ClipDraws, Option, PastChild
 
 
 class RoundBudget(NamedTuple):

@@ -20,14 +20,15 @@ import numpy as np
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.adaptive import Adaptive
-from foresee_dsl.campaign.allocation.draws import DrawnChild, Unit, clip_draws
-from foresee_dsl.campaign.allocation.facts import ChildFacts, PastChild, avoided
+from foresee_dsl.campaign.allocation.draws import DrawnChild, PastChild, Unit, clip_draws
+from foresee_dsl.campaign.allocation.facts import ChildFacts, avoided
 from foresee_dsl.campaign.allocation.method import Method, RoundBudget
 from foresee_dsl.campaign.allocation.stories import Stories
 from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RequestedMutant, RoundRequest
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest
 from foresee_dsl.derive.mutate import Draw
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, Option, Way
-from foresee_dsl.campaign.allocation.facts import PastChild
+from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, Option, PastChild, Way
 from foresee_dsl.campaign.allocation.method import RoundBudget, why_near
 from foresee_dsl.derive.mutate import How
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Protocol, Self
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of, mutant_of
+from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.derive.mutate import Draw, How, Mutator, PlanNames
+from foresee_dsl.derive.mutate import How, Mutator
 from foresee_dsl.drivers.registry import recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.foresee import ForeseeRanker
@@ -36,62 +36,6 @@ SEARCHED_FOR = 3
 """Number of mutants requested from the preset's search, as a multiple of a clip's share, with allocation in rounds."""
 
 
-@dataclass(frozen=True)
-class RequestedMutant:
-    """A mutant that a round requests.
-
-    Attributes:
-        number: last part of its name. draw: index of the draw from its clip.
-        how: how it comes about. near: text of the mutant whose changes it uses; "" for an independent draw.
-        near_number, near_suffix: number of that mutant and the end of its name; 0 and "" if it belongs to an earlier
-            campaign.
-        why: why the round requests it, in a sentence; its result does not depend on that.
-    """
-
-    number: int
-    draw: Draw
-    how: How = How.ANEW
-    near: str = ""
-    near_number: int = 0
-    near_suffix: str = ""
-    why: str = ""
-
-    @property
-    def suffix(self) -> str:
-        """Return the end of its name: `_m7`, or `_m3_m7` if a change was added to those of `_m3`."""
-        return f"{self.near_suffix if self.how is How.BESIDE else ''}_m{self.number}"
-
-
-@dataclass(frozen=True)
-class RoundRequest:
-    """The request of a round for one clip.
-
-    Attributes:
-        round: number of the round. In the first one each clip gets its first mutants, after the requested ones, which
-            are those of earlier campaigns. 0: no rounds.
-        children: the requested mutants. plans: the plans by which the clip's mutants are drawn. existing: texts of the
-            existing mutants.
-    """
-
-    round: int = 0
-    children: tuple[RequestedMutant, ...] = ()
-    plans: tuple[PlanNames, ...] = ()
-    existing: tuple[str, ...] = ()
-
-    @property
-    def identity(self) -> str:
-        """Return the part of a key that states the request: everything but why."""
-        return json.dumps(asdict(replace(self, children=tuple(replace(child, why="") for child in self.children))))
-
-
-class EarlierFailures(Protocol):
-    """The failing mutants of earlier campaigns (`campaign.allocation.earlier`)."""
-
-    def requests(self, clip: str) -> tuple[RequestedMutant, ...]:
-        """Return those that are run first in a clip with this text."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     """Mutate a clip with one seed; `request`: the request of a round, if mutants are allocated in rounds."""
@@ -107,7 +51,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     runs = 2
     usual_s = 0.05
 
-    request: RoundRequest = RoundRequest()
+    request: RoundRequest = NO_ROUNDS
 
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003

@@ -19,7 +19,7 @@ from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
-    from foresee_dsl.campaign.steps.mutants import EarlierFailures
+    from foresee_dsl.campaign.steps.requests import EarlierFailures
 
 Above = TypeVar("Above")
 """Type of the step that a step follows from; None for the first step."""

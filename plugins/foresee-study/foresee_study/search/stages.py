@@ -18,7 +18,8 @@ from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.language.project.document import TestCase
