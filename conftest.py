@@ -70,7 +70,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Leave what the collection created, thousands of modules and tests, out of all further garbage collections.
 
-    Measured on 350 tests of the language after all had been collected: 22 % less CPU time.
+    Measured on 350 tests of the language after all had been collected: 56 s of CPU time instead of 61 to 71 s.
     """
     gc.collect()
     gc.freeze()
