@@ -137,4 +137,4 @@ def _draft(step: ForecastStep, work: Work, rank: int) -> records.Draft:
 def _mutant(clip: str, again: str, number: int) -> records.MutantDraft:
     name = f"{clip}{again}_m{number}"
     text = _TEXT.format(kind="mutant", name=name, parent=f"{clip}.foresee", case="")
-    return records.MutantDraft(number, text, f"made up {name}")
+    return records.MutantDraft(number, text, f"made up {name}", f"_m{number}")

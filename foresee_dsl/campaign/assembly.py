@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple, TypedDict, assert_never
 
 from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.campaign.allocation.rounds import FIRST_WHY
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import (
@@ -136,18 +137,24 @@ def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[StepNode, Row]
 
 
 class _Allocated(TypedDict, total=False):
-    round: int
+    round: int | None
     drawn_near: str
+    why: str
 
 
 def _allocated(node: StepNode) -> _Allocated:
-    """Return the round in which a mutant was drawn and the mutant near which it was drawn; empty without rounds."""
+    """Return the round in which a mutant was drawn, the mutant whose changes it uses, and why it was drawn; empty
+    without rounds and without mutants of earlier campaigns.
+    """
     step, above = node.step, node.over("mutants").step
-    if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.request.round:
+    if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep):
         return {}
-    number = step.mutant.number
-    near = next((want.near_number for want in above.request.children if want.number == number), 0)
-    return {"round": above.request.round, "drawn_near": f"{step.name.rpartition('_m')[0]}_m{near}" if near else ""}
+    request = above.request
+    wanted = next((child for child in request.children if child.number == step.mutant.number), None)
+    if wanted is None:
+        return {"round": request.round, "why": FIRST_WHY} if request.round else {}
+    near = f"{step.name.removesuffix(wanted.suffix)}{wanted.near_suffix}" if wanted.near_suffix else ""
+    return {"round": request.round or None, "drawn_near": near, "why": wanted.why}
 
 
 def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:
@@ -155,7 +162,7 @@ def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimis
     text.
     """
     child = replace(small.child, references=references)
-    return replace(small, child=replace(child, text=_with_avoided(child.text, child)))
+    return replace(small, child=replace(child, text=_with_origin(child.text, child)))
 
 
 def _with_references(
@@ -173,7 +180,7 @@ def _with_headers(clip: ClipOutcome, node: StepNode, out: Path) -> ClipOutcome:
     text = with_header(clip.text, "clip", node.step.name, parent, node.case.id.partition("::")[2])
     children = (
         replace(
-            child, text=_with_avoided(with_header(child.text, "mutant", child.name, f"{node.step.name}.foresee"), child)
+            child, text=_with_origin(with_header(child.text, "mutant", child.name, f"{node.step.name}.foresee"), child)
         )
         if child.verdict.is_failure
         else child
@@ -182,15 +189,18 @@ def _with_headers(clip: ClipOutcome, node: StepNode, out: Path) -> ClipOutcome:
     return replace(clip, text=text, children=tuple(children))
 
 
-def _with_avoided(text: str, child: ChildOutcome) -> str:
-    """Write into a mutant's origin which reference drivers avoid its failure."""
-    if not child.avoided:
+def _with_origin(text: str, child: ChildOutcome) -> str:
+    """Write into a mutant's origin why it was made, and which reference drivers avoid its failure."""
+    if not (child.avoided or child.why):
         return text
     document = parse(text, child.name)
-    origin_update = {"avoided": "; ".join(run.sentence for run in child.avoided)}
-    body = tuple(
-        item.model_copy(update=origin_update) if isinstance(item, Origin) else item for item in document.model.body
-    )
+    avoided = "; ".join(run.sentence for run in child.avoided) or None
+
+    def written(origin: Origin) -> Origin:
+        why = "; ".join(part for part in (origin.why, child.why.replace('"', "'")) if part) or None
+        return origin.model_copy(update={"avoided": avoided or origin.avoided, "why": why})
+
+    body = tuple(written(item) if isinstance(item, Origin) else item for item in document.model.body)
     return print_model(document.model.model_copy(update={"body": body}), document.comments)
 
 
@@ -200,7 +210,8 @@ def _here(small: Minimised, node: StepNode, out: Path) -> Minimised:
     parent = relative_path(node.case.source, out / node.folder)
     text = with_header(small.clip_text, "clip", clip, parent, node.case.id.partition("::")[2])
     own = with_header(small.child.text, "mutant", name, f"{clip}.foresee")
-    return replace(small, clip=clip, clip_text=text, child=replace(small.child, name=name, file=node.file, text=own))
+    child = replace(small.child, name=name, file=node.file, text=own, why=_allocated(node.over("child")).get("why", ""))
+    return replace(small, clip=clip, clip_text=text, child=child)
 
 
 def with_header(text: str, kind: str, name: str, parent: str, case: str = "") -> str:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import networkx as nx
 
-from foresee_dsl.campaign.allocation.rounds import ROUNDS, Round
+from foresee_dsl.campaign.allocation.rounds import METHODS, Round
 from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -55,12 +55,13 @@ class AllocationPlan:
     """The allocation of mutants in rounds: the number of rounds, and the later ones known so far.
 
     rounds: number of rounds, including the first, which gives each clip `first` mutants.
-    known: the later rounds that have begun, of each part of the campaign.
+    known: the later rounds that have begun, of each part of the campaign. words: who gets the further mutants.
     """
 
     rounds: int
     first: int
     later_rounds: tuple[Round, ...]
+    words: str
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -69,10 +70,7 @@ class AllocationPlan:
     @property
     def sentence(self) -> str:
         """Return the allocation and its known rounds, in sentences."""
-        begins = (
-            f"children are allocated in {self.rounds} rounds: {self.first} per clip, then more for clips whose "
-            "children in earlier rounds were worth most"
-        )
+        begins = f"children are allocated in {self.rounds} rounds: {self.first} per clip, then {self.words}"
         return "\n".join((begins, *(later.sentence for later in self.later_rounds)))
 
 
@@ -167,7 +165,8 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
         if left := sum(rounds.left for rounds in stages.rounds):
             _add_children(graph, "children of later rounds", left, stages.settings)
         begun = tuple(later for rounds in stages.rounds for later in rounds.begun)
-        allocated = AllocationPlan(ROUNDS, stages.settings.first_children, begun)
+        method = METHODS[stages.settings.allocation]
+        allocated = AllocationPlan(method.rounds, stages.settings.first_children, begun, method.words)
     return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs, allocated)
 
 

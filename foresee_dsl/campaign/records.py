@@ -171,12 +171,14 @@ class Forecast:
 class MutantDraft:
     """A mutant that has not been run yet.
 
-    `number`: last part of its name. `meaning`: hash of its test case's meaning.
+    `number`: last part of its name. `meaning`: hash of its test case's meaning. `suffix`: the end of its name, after
+    that of its clip.
     """
 
     number: int
     text: str
     meaning: str
+    suffix: str
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,9 @@ class ChildOutcome(JudgedRun):
     round: int | None = None
     """Round that requested it, if mutants are allocated in rounds."""
     drawn_near: str = ""
-    """Name of the earlier mutant whose changes this one varies; empty if it was drawn independently."""
+    """Name of the earlier mutant whose changes this one varies or adds to; empty if it was drawn independently."""
+    why: str = ""
+    """Why it was made, in a sentence, if mutants are allocated in rounds."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -212,6 +216,7 @@ class ChildOutcome(JudgedRun):
             "mutant": self.name,
             "round": self.round,
             "drawn_near": or_null(self.drawn_near),
+            "why": where_set(self.why),
             "meaning": self.meaning,
             "operators": self.operators,
             "changes": self.changes,

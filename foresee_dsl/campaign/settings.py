@@ -16,7 +16,7 @@ from foresee_dsl.language.campaign_values import (
     RulesMode,
 )
 
-Allocation = Literal["even", "adaptive"]
+Allocation = Literal["even", "adaptive", "stories"]
 FIRST = 1
 """Number of mutants per clip and seed in the first round."""
 
@@ -75,8 +75,9 @@ class CampaignSettings:
         repeat: number of times clips are mutated, with `seed` and the seeds after it.
         against: the reference drivers, which also drive every failing mutant.
         allocation: `even`: each clip gets `children`. `adaptive`: the same total in rounds; clips whose mutants were
-            worth more get more.
+            worth more get more. `stories`: the same total in rounds; mutants go where they may still add a story.
         rules: what it means that the ego breaks a traffic rule in a run that passes otherwise.
+        first_from: folder whose failing mutants are run first, in the clips of the same test case; "": none.
         goal: label of the expectation that the campaign searches: its margin decides what is studied, and a run that
             breaks it fails. "": collisions and other failures are searched.
     """
@@ -108,8 +109,9 @@ class CampaignSettings:
     allocation: Allocation = field(
         default="even",
         metadata=option(
-            "How mutants are distributed: even (each clip gets --children) or adaptive (the same total in rounds; "
-            "clips whose mutants failed more often get more).",
+            "How mutants are distributed: even (each clip gets --children), adaptive (the same total in rounds; "
+            "clips whose mutants failed more often get more) or stories (the same total in rounds; mutants go where "
+            "they may still add a story).",
             metavar="HOW",
         ),
     )
@@ -123,19 +125,33 @@ class CampaignSettings:
             shows_default=False,
         ),
     )
+    first_from: str = field(
+        default="",
+        metadata=option(
+            "Folder of an earlier campaign, with this or another driver, or of kept failures: mutants that failed "
+            "there are run first, in clips of the same test case.",
+            metavar="FOLDER",
+            shows_default=False,
+        ),
+    )
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         from foresee_dsl.documents import every_field, where_set  # imports pydantic, which a help text does not need
 
-        return {**every_field(self), "goal": where_set(self.goal)}
+        return {**every_field(self), "goal": where_set(self.goal), "first_from": where_set(self.first_from)}
+
+    @property
+    def in_rounds(self) -> bool:
+        """Return whether mutants are allocated in rounds."""
+        return self.allocation != "even"
 
     @property
     def first_children(self) -> int:
         """Return the number of mutants that a clip gets with each seed before any result is known; with the allocation
         `even`, these are all mutants.
         """
-        return self.children if self.allocation == "even" else min(self.children, FIRST)
+        return min(self.children, FIRST) if self.in_rounds else self.children
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from foresee_dsl.campaign import steps
+from foresee_dsl.campaign.allocation.earlier import EarlierMutants
 from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.execution.pool import Task
@@ -24,7 +25,8 @@ from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Step, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
@@ -86,7 +88,7 @@ class Stages:
 
         Raises:
             DriverError: there is no such driver.
-            ForeseeError: no test case has the goal.
+            ForeseeError: no test case has the goal, or there are no mutants that should be run first.
         """
         self.settings = settings
         self._store, self.out = store, out
@@ -97,6 +99,7 @@ class Stages:
             operators_identity(),
             tuple((driver, judged_identity(driver, settings.rules)) for driver in settings.against),
             key,
+            EarlierMutants.in_folder(Path(settings.first_from), but=out) if settings.first_from else None,
         )
         self._after: dict[StepNode, tuple[StepNode, ...]] = {}
         """For each visited step, the steps that follow from it; a step is visited before and after it has run."""
@@ -105,7 +108,7 @@ class Stages:
         self.seeds = tuple(node for node in self._seeds(with_goal(cases, settings.goal)) if shard.holds(node.step.key))
         self.last: tuple[StepNode, ...] = ()
         """The steps that `choose` has returned."""
-        self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()
+        self.rounds = self._rounds(shard) if settings.in_rounds and settings.children else ()
         """The rounds of each part, if mutants are allocated in rounds."""
 
     @Part.ENGINE.measured

@@ -101,7 +101,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "review": ({
         "finding": Finding, "asked": str, "others": [_MUTATION], "withstood": list[str],
         "files": {"as_found": str, "to_look_at": str}, "commands": list[str],
-        "diagnosis": str | None, "sure": Sureness | None, "standing": str | None,
+        "diagnosis": str | None, "sure": Sureness | None, "standing": str | None, "why": NotRequired[str],
     }, {"findings": [Finding], "standing": Standing}),
     "run": {**_RUN, **_PROFILE},
     "runs": {"runs": [_RUN], **_PROFILE},

@@ -1,4 +1,5 @@
-"""Local search: draws changes similar to those of an earlier mutant, by the same operators on the same targets."""
+"""Local search: draws changes similar to those of an earlier mutant, by the same operators on the same targets, or the
+same changes with less strength."""
 
 from __future__ import annotations
 
@@ -30,6 +31,27 @@ NEAREST = 8
 """Number of the nearest draws that count as near. Ours: a quarter of `NEAR_OF`, so that on average a number moves by at
 most an eighth of its range.
 """
+WEAKER = (0.7, 0.5, 0.85)
+"""Shares of the strength of a failing mutant's changes with which they are tried again, in this order. Ours: the middle
+first, then the half in which the boundary of the failure lies is likely the upper one.
+"""
+
+
+def weaker_changes(original: tuple[Change, ...], turn: int) -> tuple[Change, ...] | None:
+    """Return changes with a share of their strength (`WEAKER`, by turn); None if no change is a number, or if there is
+    no such turn.
+    """
+    if turn >= len(WEAKER):
+        return None
+    changes = tuple(_weakened(change, WEAKER[turn]) for change in original)
+    return changes if changes != original else None
+
+
+def _weakened(change: Change, share: float) -> Change:
+    if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
+        return change
+    value = change.was.si + share * (change.now.si - change.was.si)
+    return change.model_copy(update={"now": Quantity.of(value, change.was.dimension, 2)})
 
 
 def near_changes(
@@ -71,9 +93,9 @@ def _weaker_or_moved(change: Change) -> list[tuple[Change, ...]]:
     """
     if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
         return []
-    now, was, variants = change.now, change.was, []
+    now, variants = change.now, []
     for share in SHARES:
-        value = Quantity.of(was.si + share * (now.si - was.si), was.dimension, 2)
+        value = _weakened(change, share).now
         for shift_s in SHIFTS_S if isinstance(change.start, Quantity) else (0.0,):
             start = change.start
             if isinstance(start, Quantity) and shift_s:

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Collection, Sequence
 from decimal import Decimal
+from enum import StrEnum
 from functools import partial
 from typing import NamedTuple
 
@@ -15,11 +16,12 @@ from foresee_dsl import __version__
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive import presets
 from foresee_dsl.derive.avoidable import avoidable
-from foresee_dsl.derive.local_search import Plan, near_changes
+from foresee_dsl.derive.local_search import Plan, near_changes, weaker_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Ego, Mutant, Origin, Quantity, Recorded, Weather
 from foresee_dsl.language.project.document import TestCase
@@ -81,10 +83,12 @@ class Mutator:
         preset: str | Preset = "focused",
         models: Collection[str] | None = None,
         plans: Sequence[PlanNames] = (),
+        point: RiskyPoint | None = None,
     ) -> None:
         """Find out which operators can act on which actors (in `situation`); that does not depend on the seed.
 
-        `plans`: the `plans` of another mutator of the same clip, to save the time to determine them again.
+        `plans`: the `plans` of another mutator of the same clip, to save the time to determine them again. `point`: a
+        risky point of `trace` in the place of the clip's; then `trace` may be the run of a mutant of the clip.
 
         Raises:
             ForeseeError: the clip's `risk` line names an operator that is not installed.
@@ -94,18 +98,18 @@ class Mutator:
         goal = PairGoal.of(case)
         self._pinned = int(self._pin.partition(":")[2], 16)
         self._searched: dict[int, tuple[int, list[Drawn]]] = {}
+        self._proposed = (clip.risk.operator or "") if clip.risk and point is None else ""
         self.situation = Situation(
             clip=clip,
             trace=trace,
-            frame=_risky_frame(clip, trace),
-            ranked=(clip.risk.actor or "") if clip.risk else "",
+            frame=_risky_frame(clip, trace) if point is None else point.frame,
+            ranked=((clip.risk.actor or "") if clip.risk else "") if point is None else point.actor,
             models={name: spec_of(model) for name, model in case.models.items()},
             swappable=tuple(sorted(models if models is not None else case.models)),
             weather=_weather(case),
-            onset_s=_handover_s(clip) if clip.risk and clip.risk.operator else None,
+            onset_s=_handover_s(clip) if self._proposed else None,
             goal=goal,
         )
-        self._proposed = (clip.risk.operator or "") if clip.risk else ""
         if self._proposed and self._proposed not in operators():
             names = ", ".join(sorted(operators()))
             raise ForeseeError(
@@ -124,18 +128,20 @@ class Mutator:
         """Return how many mutants the preset's search yields for a seed, at most `most`."""
         return len(self._best(seed, most))
 
-    def children(self, count: int = CHILDREN, *, seed: int = 0, driver: str = "") -> tuple[Mutant, ...]:
-        """Make up to `count` children."""
+    def children(
+        self, count: int = CHILDREN, *, seed: int = 0, driver: str = "", seen: Collection[tuple[Change, ...]] = ()
+    ) -> tuple[Mutant, ...]:
+        """Make up to `count` children, none of which has changes that were `seen`."""
         mutants: list[Mutant] = []
-        seen: set[tuple[Change, ...]] = set()
+        used = set(seen)
         best = self.searched(seed, count)
         if self._preset.search is not None:  # a clip without a promising candidate gets fewer mutants
             count = best or math.ceil(count * UNPROMISING)
         for k in range(1, count + 1) if self._plans or best else ():
             draw = Draw.numbered(k, len(self._plans), best)
-            child = self.child(draw, seed=seed, driver=driver, seen=seen) if draw is not None else None
+            child = self.child(draw, seed=seed, driver=driver, seen=used) if draw is not None else None
             if child is not None:
-                seen.add(child.changes)
+                used.add(child.changes)
                 mutants.append(child.model_copy(update={"name": f"{self._clip.name}_m{k}"}))
         return tuple(mutants)
 
@@ -147,13 +153,13 @@ class Mutator:
         driver: str = "",
         seen: Collection[tuple[Change, ...]] = (),
         near: Mutant | None = None,
+        how: How | None = None,
     ) -> Mutant | None:
         """Return the mutant of a draw; None if all its changes were `seen`.
 
-        `near`: a child of the same plan; the new child has the changes of this one, varied a little
-        (`derive.local_search`).
+        `near`: another mutant of the clip. `how`: how the new one uses its changes; None: they are varied a little.
         """
-        drawn = self._near(draw, near, seed, seen) if near is not None else self._drawn(draw, seed, seen)
+        drawn = self._drawn(draw, seed, seen) if near is None else self._of(how or How.NEAR, draw, near, seed, seen)
         if drawn is None:
             return None
         names, changes = drawn
@@ -174,6 +180,36 @@ class Mutator:
             best = self._best(seed, draw.turn + 1)
             return best[draw.turn] if draw.turn < len(best) and best[draw.turn][1] not in seen else None
         return _child(self.situation, self._preset, self._plans[draw.plan], self._rng(draw, seed), seen)
+
+    def _of(self, how: How, draw: Draw, near: Mutant, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
+        """Return the operators and changes of a mutant that uses another mutant's changes."""
+        if how is How.NEAR:
+            return self._near(draw, near, seed, seen)
+        if how is How.BESIDE:
+            return self._beside(draw, near, seed, seen)
+        changes = weaker_changes(near.changes, draw.turn) if how is How.WEAKER else near.changes
+        names = near.origin.operator if near.origin is not None else ()
+        return (names, changes) if changes and changes not in seen else None
+
+    def _beside(self, draw: Draw, near: Mutant, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
+        """Return the changes of a mutant, and further ones of other properties that bring an actor nearer to the ego in
+        that mutant's run, which is this mutator's trace.
+        """
+        own, names = near.changes, near.origin.operator if near.origin is not None else ()
+        changed = {(change.actor, change.property) for change in own}
+        plans = [
+            plan
+            for plan in self._plans
+            if not any((target, getattr(operator, "property", "")) in changed for operator, target in plan)
+        ]
+        if not plans:
+            return None
+        further = {changes[len(own) :] for changes in seen if changes[: len(own)] == own}
+        plan, rng = plans[draw.turn % len(plans)], self._rng(draw, seed, *_entropy(near))
+        drawn = _child(self.situation, self._preset, plan, rng, further)
+        if drawn is None or any((change.actor, change.property) in changed for change in drawn[1]):
+            return None
+        return (*names, *drawn[0]), (*own, *drawn[1])
 
     def _near(self, draw: Draw, near: Mutant, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
         by_property = {getattr(operator, "property", ""): operator for operator in operators().values()}
@@ -200,6 +236,21 @@ class Mutator:
             children = avoidable(self.situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
             self._searched[seed] = most, children
         return children[:most]
+
+
+class How(StrEnum):
+    """How a mutant comes about."""
+
+    ANEW = "anew"
+    """Drawn from the clip, by a plan or by the preset's search."""
+    NEAR = "near"
+    """The changes of another mutant, varied a little (`derive.local_search`)."""
+    WEAKER = "weaker"
+    """The changes of another mutant with less strength."""
+    BESIDE = "beside"
+    """The changes of another mutant, and further ones that a forecast of its run proposes."""
+    EARLIER = "earlier"
+    """The changes of a mutant of an earlier campaign."""
 
 
 SEARCHED = -1

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.allocation.choice import (
+from foresee_dsl.campaign.allocation.adaptive import (
     AGAIN,
     NEW,
     NEW_UNAVOIDED,
-    ChildFacts,
-    MutantDraw,
+    Adaptive,
     MutantDraws,
-    PastChild,
+    ValuedChild,
     halved,
     ranked,
-    spread,
     worths,
 )
-from foresee_dsl.campaign.allocation.rounds import ROUNDS, Round
+from foresee_dsl.campaign.allocation.draws import PastChild, Way
+from foresee_dsl.campaign.allocation.facts import ChildFacts
+from foresee_dsl.campaign.allocation.rounds import Round, spread
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import Shard
@@ -69,7 +69,7 @@ def test_there_are_as_many_children_as_with_even_and_the_rounds_say_who_gets_the
     children = [child for made in clips.values() for child in made]
     assert len(children) == heard.count("child") == ADAPTIVE.children * len(clips)
     assert len({child["mutant"] for child in children}) == len({child["meaning"] for child in children})
-    assert [one.number for one in heard.rounds] == list(range(2, ROUNDS + 1))
+    assert [one.number for one in heard.rounds] == list(range(2, Adaptive.rounds + 1))
     for one in heard.rounds:
         asked = [child for child in children if child["round"] == one.number]
         assert len(asked) == one.children == sum(one.clips.values()) == sum(one.ways.values())
@@ -88,7 +88,7 @@ def test_one_worker_that_is_stopped_between_gives_the_same(
     mine = out.with_name("one_worker")
     stopped = HeardRounds(stops=True)
     result, _ = campaign(file, mine, ADAPTIVE, options=RunOptions(stop=stopped.stop), heard=stopped)
-    assert result.interrupted and len(stopped.rounds) < ROUNDS
+    assert result.interrupted and len(stopped.rounds) < Adaptive.rounds
     with Store(mine / "store", write=False) as store:
         stages = Stages(load_test_cases([file]), ADAPTIVE, store, mine)
         found = {stage.kind: stage for stage in plan_campaign(stages, store, jobs=1).stages}["child"]
@@ -134,7 +134,7 @@ def test_the_plan_says_what_rounds_there_are(done: tuple[Path, Path, HeardRounds
     cases = load_test_cases([file])
     before = plan_campaign(Stages(cases, ADAPTIVE, None, out), None, jobs=1)
     assert before.allocation is not None and before.allocation.sentence.startswith(
-        f"children are allocated in {ROUNDS}"
+        f"children are allocated in {Adaptive.rounds}"
     )
     assert not before.allocation.later_rounds
     most = {stage.kind: stage.at_most for stage in before.stages}["child"]
@@ -151,16 +151,20 @@ def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() ->
         ChildFacts((), avoidable=False, nearness=0.5),
     )
     other = ChildFacts(("3", "pedestrian"), avoidable=True, nearness=0.0)
-    found = worths([(failure, False), (failure, True), (near, False), (other, False)])
+    way = Way(("steer",))
+    found = worths(
+        PastChild("clip", "3", way, facts, avoided=avoided)
+        for facts, avoided in ((failure, False), (failure, True), (near, False), (other, True))
+    )
     assert found[0] == NEW_UNAVOIDED and found[1] == NEW * AGAIN and found[3] == NEW
     assert 0 < found[2] < found[1]
 
 
 def test_children_go_where_those_before_failed() -> None:
-    steer, line = MutantDraw(("steer",)), MutantDraw(("line",))
+    steer, line = Way(("steer",)), Way(("line",))
     clips = [f"clip{k}" for k in range(8)]
     tried = [
-        PastChild(clip, way, float(clip == "clip3" and way == line), clip == "clip3")
+        ValuedChild(clip, way, float(clip == "clip3" and way == line), clip == "clip3")
         for clip in clips
         for way in (steer, line)
     ]

@@ -149,6 +149,7 @@ IN_NO_FILE = {
     "fidelity_limit_m": "it has no option either",
     "handover_s": "each driver asks for its own",
     "rules": "only an option so far",
+    "first_from": "only an option so far",
 }
 """The settings that no statement sets, each with the reason. A new setting needs a statement, or a reason here."""
 

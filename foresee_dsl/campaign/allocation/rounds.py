@@ -1,6 +1,7 @@
 """The rounds of a campaign that allocates its mutants.
 
-The results of one round decide which clips get the next mutants.
+The results of one round decide which clips get the next mutants. How they decide it is the allocation's class
+(`METHODS`); everything else is here.
 
 A round begins when all mutants of the earlier rounds have ended. So its choices depend only on their results and the
 campaign's seed, not on the speed of workers, and a stopped campaign repeats the same rounds. Results of reference
@@ -10,37 +11,29 @@ drivers count one round later, because these drive while the next round's mutant
 from __future__ import annotations
 
 import sys
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from foresee_dsl.avoidance.references import ReferenceRun
-from foresee_dsl.campaign.allocation.choice import (
-    SEARCHED_WAY,
-    ChildFacts,
-    MutantDraw,
-    MutantDraws,
-    PastChild,
-    avoided,
-    counts,
-    halved,
-    ranked,
-    spread,
-    worths,
-)
+from foresee_dsl.campaign.allocation.adaptive import Adaptive
+from foresee_dsl.campaign.allocation.draws import DrawnChild, PastChild, Unit, clip_draws
+from foresee_dsl.campaign.allocation.facts import ChildFacts, avoided
+from foresee_dsl.campaign.allocation.method import Method, RoundBudget
+from foresee_dsl.campaign.allocation.stories import Stories
 from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RequestedMutant, RoundRequest
-from foresee_dsl.derive.mutate import SEARCHED, Draw
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest
+from foresee_dsl.derive.mutate import Draw
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.campaign.storage.store import Row
-    from foresee_dsl.derive.mutate import PlanNames
 
 
 class Steps(Protocol):
@@ -68,17 +61,11 @@ class Steps(Protocol):
         ...
 
 
-ROUNDS = 4
-"""Number of rounds. Ours: with four mutants per clip, each round has about as many mutants as there are clips."""
+METHODS: Mapping[str, Method] = {"adaptive": Adaptive(), "stories": Stories()}
+"""The allocations in rounds, by the name of the setting."""
 MOST = 2
 """Largest number of mutants of one clip in one round and with one seed, as a multiple of the setting `children`."""
-NEAR_ENOUGH = 0.5
-"""Mutants are drawn near an earlier mutant only if the nearness of that mutant is at least this (a distance of 1 m, or
-a time to collision of 0.75 s). Ours: 3 of 92 mutants that were drawn near arbitrary near misses failed, but 15 of the
-151 other mutants of the same rounds.
-"""
-NEAR_AT_MOST = 2
-"""Maximum number of mutants drawn near one mutant."""
+FIRST_WHY = "each clip gets one child in the first round"
 _NEVER = sys.maxsize
 """Round number of steps that no round waits for."""
 
@@ -128,55 +115,13 @@ class Round:
 _NAMED = 3
 
 
-class _DrawnChild(NamedTuple):
-    """A drawn mutant. `node`: the step that runs it."""
-
-    node: StepNode
-    step: ChildStep
-    round: int
-    plan: int
-    near: int
-
-
-@dataclass
-class _Unit:
-    """A clip with one of the seeds of mutation, and the mutants that were drawn from it with this seed."""
-
-    clip: StepNode
-    step: MutantsStep
-    plans: tuple[PlanNames, ...]
-    drawn: list[_DrawnChild] = field(default_factory=list)
-    searched: int = 0
-    """Number of mutants that the preset's search proposes for the clip."""
-    turns: Counter[int] = field(default_factory=Counter)
-    """Number of independent draws requested so far, by plan."""
-    uses: Counter[int] = field(default_factory=Counter)
-    """Number of draws requested near a mutant, by the mutant's number."""
-    dry: set[int] = field(default_factory=set)
-    """The plans that have no further mutants."""
-    numbers: int = 0
-    """Total number of draws that were requested."""
-    wanted: list[RequestedMutant] = field(default_factory=list)
-
-    def way(self, plan: int, *, near: bool = False) -> MutantDraw:
-        if plan == SEARCHED:
-            return SEARCHED_WAY._replace(near=near)
-        return MutantDraw(tuple(name for name, _ in self.plans[plan]), near)
-
-    @property
-    def open_plans(self) -> list[int]:
-        """Return the plans (ways to draw mutants) that are not exhausted: the preset's search, then the others."""
-        if self.turns[SEARCHED] < self.searched:
-            return [SEARCHED]
-        return [plan for plan in range(len(self.plans)) if plan not in self.dry]
-
-
 class Rounds:
     """The rounds of one part of a campaign: its test cases and all steps that depend on them."""
 
     def __init__(self, stages: Steps, seeds: tuple[StepNode, ...]) -> None:
         """Begin with the first round, in which each clip gets its first mutants."""
         self._stages, self.seeds = stages, seeds
+        self._method = METHODS[stages.settings.allocation]
         self.number = 1
         self.nodes: list[StepNode] = []
         """Mutation steps that the later rounds requested."""
@@ -204,39 +149,38 @@ class Rounds:
 
     def next(self) -> tuple[StepNode, ...]:
         """Begin the next round and return its first steps; empty if no mutants are left to allocate or to draw."""
-        units = self._units()
+        units, of = self._units(), self._method.rounds
         total = self._stages.settings.children * len(units)
         allocated = sum(len(unit.drawn) for unit in units)
-        if self.number >= ROUNDS or allocated >= total:
+        if self.number >= of or allocated >= total:
             self.finished = True
             return ()
-        count = spread(total - allocated, ROUNDS - self.number)[0]
-        before = self._before(units)
+        count = spread(total - allocated, of - self.number)[0]
+        past = self._past(units)
         seed = self._stages.settings.seed
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, self.number])))
         self.number += 1
-        most = MOST * self._stages.settings.children
-        _give_out(units, before, MutantDraws(before.past, rng), count, self.number, most=most)
+        budget = RoundBudget(self.number, of, count, MOST * self._stages.settings.children, rng)
+        self._method.give_out(clip_draws(units, self._facts), past, budget)
         asking = [unit for unit in units if unit.wanted]
-        nodes = tuple(self._stages.further(unit.clip, unit.step, _request(unit, self.number)) for unit in asking)
+        nodes = tuple(self._stages.further(unit.clip, unit.step, unit.round_request(self.number)) for unit in asking)
         self.nodes += nodes
-        ways = (unit.way(want.draw.plan, near=bool(want.near)) for unit in asking for want in unit.wanted)
         self.begun.append(
             Round(
                 self.number,
-                ROUNDS,
+                of,
                 sum(len(unit.wanted) for unit in asking),
                 allocated,
                 total,
                 counts(unit.step.name for unit in asking for _ in unit.wanted),
-                counts(f"{'near a child, ' if way.near else ''}{'+'.join(way.operators)}" for way in ways),
+                counts(unit.way(want.draw.plan, want.how).words for unit in asking for want in unit.wanted),
             )
         )
         return nodes or self.next()
 
-    def _units(self) -> list[_Unit]:
+    def _units(self) -> list[Unit]:
         """Return the mutated clips with their mutants, in an order that depends only on content hashes."""
-        units: dict[tuple[str, str, int], _Unit] = {}
+        units: dict[tuple[str, str, int], Unit] = {}
         for node, row in self._stages.walk((*self.seeds, *self.nodes)):
             step = node.step
             if not isinstance(step, MutantsStep) or row is None or node.above is None:
@@ -245,37 +189,33 @@ class Rounds:
             if not isinstance(record, Mutants) or not (record.plans or record.searched):
                 continue
             name = step.draft.pin, step.name, step.seed
-            unit = units.setdefault(name, _Unit(node.above, step, record.plans))
+            unit = units.setdefault(name, Unit(node.above, step, record.plans))
             unit.searched = max(unit.searched, record.searched)
-            requested = step.request.children or _first(self._stages.settings.first_children, record)
             children = {child.step.mutant.number: child for child in self._stages.after(node, row)
                         if isinstance(child.step, ChildStep)}  # fmt: skip
-            for want in requested:
-                plan = want.draw.plan
-                unit.numbers = max(unit.numbers, want.number)
-                if want.near:
-                    unit.uses[want.near_number] += 1
-                else:
-                    unit.turns[plan] = max(unit.turns[plan], want.draw.turn + 1)
-                child = children.get(want.number)
+            for request_of_child in requested(step.request, record, self._stages.settings.first_children):
+                unit.count(request_of_child)
+                child = children.get(request_of_child.number)
                 if child is not None and isinstance(child.step, ChildStep):
-                    unit.drawn.append(_DrawnChild(child, child.step, step.request.round, plan, want.near_number))
-                elif not want.near:
-                    unit.dry.add(plan)
+                    unit.drawn.append(DrawnChild(child, child.step, step.request.round, request_of_child))
                 else:
-                    unit.uses[want.near_number] += NEAR_AT_MOST
+                    unit.missed(request_of_child)
         return [units[name] for name in sorted(units)]
 
-    def _before(self, units: list[_Unit]) -> _Before:
-        """Return the mutants of the earlier rounds with their worth."""
+    def _past(self, units: list[Unit]) -> list[PastChild]:
+        """Return the mutants that have run, in the order of their rounds."""
         every = sorted(((drawn, unit) for unit in units for drawn in unit.drawn), key=lambda pair: pair[0].round)
-        finished = [(drawn, unit, facts) for drawn, unit in every if (facts := self._read(drawn.node)) is not None]
-        values = worths((facts, self._others_avoid(drawn)) for drawn, _, facts in finished)
-        past = [
-            PastChild(unit.step.draft.pin, unit.way(drawn.plan, near=drawn.near > 0), worth, bool(facts.story))
-            for (drawn, unit, facts), worth in zip(finished, values, strict=True)
+        return [
+            PastChild(
+                unit.step.draft.pin,
+                unit.group,
+                unit.way(drawn.request.draw.plan, drawn.request.how),
+                facts,
+                facts.avoidable or self._others_avoid(drawn),
+            )
+            for drawn, unit in every
+            if (facts := self._read(drawn.node)) is not None
         ]
-        return _Before(past, {drawn.node: facts.nearness for drawn, _, facts in finished})
 
     def _read(self, node: StepNode) -> ChildFacts | None:
         if node not in self._facts:
@@ -286,7 +226,7 @@ class Rounds:
             self._facts[node] = ChildFacts.of(record, node.case.family, self._stages.settings.goal)
         return self._facts[node]
 
-    def _others_avoid(self, drawn: _DrawnChild) -> bool:
+    def _others_avoid(self, drawn: DrawnChild) -> bool:
         """Return whether a reference driver avoids a mutant's failure, among the results that this round may use."""
         row = self._stages.row(drawn.node)
         if drawn.round >= self.number or row is None or not self._facts[drawn.node].story:
@@ -297,14 +237,18 @@ class Rounds:
         return avoided(record for record in records if isinstance(record, ReferenceRun))
 
 
-class _Before(NamedTuple):
-    """The mutants of the earlier rounds.
+def requested(request: RoundRequest, record: Mutants, first: int) -> tuple[RequestedMutant, ...]:
+    """Return the mutants that a round requested of a clip.
 
-    `nearness`: nearness to a contact, 0 to 1, of each mutant that passed, by its step.
+    In the first round these are the requested ones, and `first` independent draws, for which there is no explicit
+    request.
     """
-
-    past: list[PastChild]
-    nearness: dict[StepNode, float]
+    if request.round > 1:
+        return request.children
+    earlier = len(request.children)
+    drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, first))) for k in range(1, first + 1))
+    return (*request.children,
+            *(RequestedMutant(earlier + k, draw, why=FIRST_WHY) for k, draw in drawn if draw is not None))  # fmt: skip
 
 
 def awaited_by(node: StepNode) -> int:
@@ -318,70 +262,12 @@ def awaited_by(node: StepNode) -> int:
     return in_round + 1 if node.step.kind in ("seed", "forecast", "clip", "mutants", "child") else _NEVER
 
 
-def _give_out(units: list[_Unit], before: _Before, ways: MutantDraws, count: int, number: int, *, most: int) -> None:
-    """Choose `count` mutants, at most `most` of one clip and seed.
-
-    The clips that remain in this round get mutants in turn; if these clips have no more mutants, other clips get them.
-    """
-    by_clip: defaultdict[str, list[_Unit]] = defaultdict(list)
-    for unit in units:
-        by_clip[unit.step.draft.pin].append(unit)
-    order = ranked(list(by_clip), before.past)
-    left, allocated = halved(len(order), number), Counter[str]()
-    while allocated.total() < count:
-        some = False
-        for clip in order[:left]:
-            open_ways = _open_ways(by_clip[clip], before.nearness)
-            if not open_ways or allocated[clip] >= most * len(by_clip[clip]) or allocated.total() == count:
-                continue
-            _want(by_clip[clip], ways.choose(clip, open_ways), before.nearness)
-            allocated[clip] += 1
-            some = True
-        if not some and left == len(order):
-            return
-        left = left if some else min(2 * left, len(order))
+def spread(children: int, rounds: int) -> tuple[int, ...]:
+    """Return the number of mutants of each round, as even as possible; the first rounds get the remainder."""
+    each, over = divmod(children, rounds)
+    return tuple(each + (k < over) for k in range(rounds))
 
 
-def _open_ways(units: list[_Unit], nearness: Mapping[StepNode, float]) -> tuple[MutantDraw, ...]:
-    anew = (unit.way(plan) for unit in units for plan in unit.open_plans)
-    near = (unit.way(drawn.plan, near=True) for unit in units for drawn in _bases(unit, nearness))
-    return tuple(sorted({*anew, *near}))
-
-
-def _bases(unit: _Unit, nearness: Mapping[StepNode, float]) -> Iterator[_DrawnChild]:
-    """Yield the mutants near which further mutants may be drawn."""
-    for drawn in unit.drawn:
-        if nearness.get(drawn.node, 0.0) >= NEAR_ENOUGH and unit.uses[drawn.step.mutant.number] < NEAR_AT_MOST:
-            yield drawn
-
-
-def _want(units: list[_Unit], way: MutantDraw, nearness: Mapping[StepNode, float]) -> None:
-    """Request, from one of a clip's units, a mutant that is drawn in this way."""
-    if way.near:
-        bases = [
-            (unit, drawn)
-            for unit in units
-            for drawn in _bases(unit, nearness)
-            if unit.way(drawn.plan, near=True) == way
-        ]
-        unit, drawn = max(bases, key=lambda pair: nearness[pair[1].node])
-        number = drawn.step.mutant.number
-        want = RequestedMutant(unit.numbers + 1, Draw(drawn.plan, unit.uses[number]), drawn.step.mutant.text, number)
-        unit.uses[number] += 1
-    else:
-        able = [(unit, plan) for unit in units for plan in unit.open_plans if unit.way(plan) == way]
-        unit, plan = min(able, key=lambda pair: (pair[0].numbers, pair[0].turns[pair[1]]))
-        want = RequestedMutant(unit.numbers + 1, Draw(plan, unit.turns[plan]))
-        unit.turns[plan] += 1
-    unit.numbers += 1
-    unit.wanted.append(want)
-
-
-def _first(count: int, record: Mutants) -> tuple[RequestedMutant, ...]:
-    """Return the first round's mutants as requests, because that round makes no explicit requests."""
-    drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, count))) for k in range(1, count + 1))
-    return tuple(RequestedMutant(k, draw) for k, draw in drawn if draw is not None)
-
-
-def _request(unit: _Unit, number: int) -> RoundRequest:
-    return RoundRequest(number, tuple(unit.wanted), unit.plans, tuple(drawn.step.mutant.text for drawn in unit.drawn))
+def counts(names: Iterable[str]) -> dict[str, int]:
+    """Return the number of occurrences of each name, the most frequent first, then by name."""
+    return dict(sorted(Counter(names).items(), key=lambda item: (-item[1], item[0])))

@@ -110,7 +110,7 @@ class Finding:
     def story_key(self) -> str:
         """The words by which its failures are grouped; a later campaign's finding with the same words is the same
         story."""
-        return " | ".join((self.family, *self.story_as_found.signature))
+        return " | ".join(story_cell(self.family, self.story_as_found))
 
     @property
     def rate(self) -> str:
@@ -215,11 +215,16 @@ class _FailureStory:
     simplicity: tuple[int, bool, float]
 
 
+def story_cell(family: str, story: Story) -> tuple[str, ...]:
+    """Return the words by which failures are grouped: failures of one family with equal stories are one finding."""
+    return family, *story.signature
+
+
 def findings_of(result: Outcomes) -> tuple[Finding, ...]:
     """Return the findings of a campaign, sorted by family, then by descending number of failures, then by name."""
     groups: dict[tuple[str, ...], list[_FailureStory]] = defaultdict(list)
     for failure in _failure_stories(result):
-        groups[failure.family, *failure.story.signature].append(failure)
+        groups[story_cell(failure.family, failure.story)].append(failure)
     findings = (
         _finding(sorted(group, key=lambda failure: (failure.simplicity, failure.name))) for group in groups.values()
     )

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.findings.sureness import Sureness, sureness_of
 from foresee_dsl.campaign.triage.standing import standing_of_written
-from foresee_dsl.documents import or_null
+from foresee_dsl.documents import or_null, where_set
 from foresee_dsl.errors import ForeseeError
 
 
@@ -58,6 +58,8 @@ class Review:
     """How sure the failure is; None before `foresee sure` was run."""
     standing: str = ""
     """Whether the finding is new since the previous campaign, and how it was triaged, in words."""
+    why: str = ""
+    """Why its mutant was made, in a sentence; "" if the campaign records no reason."""
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -71,6 +73,7 @@ class Review:
             "diagnosis": or_null(self.diagnosis),
             "sure": self.sure,
             "standing": or_null(self.standing),
+            "why": where_set(self.why),
         }
 
     @property
@@ -133,7 +136,8 @@ def review_of(wanted: NamedFailure) -> Review:
     settings = wanted.data.get("settings", {})
     clip = Path(str(finding["clip"])).stem if finding.get("clip") else ""
     runs = (run["children"] for run in wanted.data.get("clip_runs", ()) if run["clip"] == clip)
-    others = (child for children in runs for child in children if child["mutant"] != finding["name"])
+    children = [child for of_clip in runs for child in of_clip]
+    others = (child for child in children if child["mutant"] != finding["name"])
     reason = _reason_of(wanted, finding)
     return Review(
         finding=finding,
@@ -149,6 +153,7 @@ def review_of(wanted: NamedFailure) -> Review:
         diagnosis=diagnosis_of(wanted.campaign, str(finding["name"]), reason),
         sure=sureness_of(wanted.campaign, str(finding["name"]), reason),
         standing=standing_of_written(wanted.data, wanted.campaign).words(str(finding.get("story", ""))),
+        why=next((str(child.get("why", "")) for child in children if child["mutant"] == finding["name"]), ""),
     )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         for mutant in result.drafts if result is not None else ():
             key = campaign.key(cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver,
                                seed=above.seed, **campaign.goal)  # fmt: skip
-            yield cls(key, f"{above.name}{again}_m{mutant.number}", above.seed, above.draft, mutant)
+            yield cls(key, f"{above.name}{again}{mutant.suffix}", above.seed, above.draft, mutant)
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of, mutant_of
+from foresee_dsl.campaign.steps.requests import NO_ROUNDS, RoundRequest
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.derive.mutate import Draw, Mutator, PlanNames
+from foresee_dsl.derive.mutate import How, Mutator
 from foresee_dsl.drivers.registry import recorded_driver
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -25,39 +28,12 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.steps.clip import ClipStep
 
 
+FROM_S = 1.0
+"""A risky point of a mutant's own run lies at least this long after the clip's beginning, s. Ours: as
+`steer.before_point_s` of the preset `focused`, the time from a change to its risky point.
+"""
 SEARCHED_FOR = 3
 """Number of mutants requested from the preset's search, as a multiple of a clip's share, with allocation in rounds."""
-
-
-@dataclass(frozen=True)
-class RequestedMutant:
-    """A mutant that a round requests.
-
-    Attributes:
-        number: last part of its name. draw: index of the draw from its clip.
-        near: text of the mutant near which it is drawn; "" for an independent draw. near_number: number of that mutant.
-    """
-
-    number: int
-    draw: Draw
-    near: str = ""
-    near_number: int = 0
-
-
-@dataclass(frozen=True)
-class RoundRequest:
-    """The request of a round for one clip.
-
-    Attributes:
-        round: number of the round; the first has no explicit request: each clip gets its first mutants. 0: no rounds.
-        children: the requested mutants. plans: the plans by which the clip's mutants are drawn. existing: texts of the
-            existing mutants.
-    """
-
-    round: int = 0
-    children: tuple[RequestedMutant, ...] = ()
-    plans: tuple[PlanNames, ...] = ()
-    existing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,23 +48,26 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     reads = "clip"
     same_task = True
     turn = 1
+    runs = 2
     usual_s = 0.05
 
-    request: RoundRequest = RoundRequest()
+    request: RoundRequest = NO_ROUNDS
 
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield one step per seed."""
         s, draft = campaign.settings, above.draft
+        request = RoundRequest(int(s.in_rounds), campaign.earlier.requests(draft.text) if campaign.earlier else ())
+        request_part = {"asked": request.identity} if request.children else {}
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
-                               operators=campaign.operators)  # fmt: skip
-            yield cls(key, above.name, seed, draft, RoundRequest(int(s.allocation == "adaptive")))
+                               operators=campaign.operators, **request_part)  # fmt: skip
+            yield cls(key, above.name, seed, draft, request)
 
     def again(self, request: RoundRequest, clip: ClipStep, campaign: KeyInputs) -> Self:
         """Return the step that mutates the same clip with the same seed in a later round."""
         key = campaign.key(type(self), clip=clip.key, risk=self.draft.risk, preset=campaign.settings.preset,
-                           seed=self.seed, operators=campaign.operators, asked=json.dumps(asdict(request)))  # fmt: skip
+                           seed=self.seed, operators=campaign.operators, asked=request.identity)  # fmt: skip
         return replace(self, key=key, request=request)
 
     @staticmethod
@@ -111,25 +90,63 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
         mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset, plans=self.request.plans)
         driver = driver_of(trace, settings.driver)
         drafts = []
-        for number, mutant in self._drawn(mutator, settings, driver):
+        for number, mutant in self._drawn(mutator, parent, work, driver):
             meaning = expand_mutant(mutant, parent, source=work.folder / f"{mutant.name}.foresee").meaning
-            drafts.append(MutantDraft(number, print_model(mutant), meaning))
+            suffix = mutant.name.removeprefix(self.draft.name)
+            drafts.append(MutantDraft(number, print_model(mutant), meaning, suffix))
         searched = mutator.searched(self.seed, SEARCHED_FOR * settings.children) if self.request.round else 0
         return Mutants(tuple(drafts), mutator.plans, searched), None
 
-    def _drawn(self, mutator: Mutator, settings: CampaignSettings, driver: str) -> Iterator[tuple[int, Mutant]]:
+    def _drawn(self, mutator: Mutator, parent: TestCase, work: Work, driver: str) -> Iterator[tuple[int, Mutant]]:
         """Yield the mutants with their numbers."""
-        if not self.request.children:
-            for mutant in mutator.children(settings.first_children, seed=self.seed, driver=driver):
-                yield int(mutant.name.rpartition("_m")[2]), mutant
-            return
         seen = {mutant_of(text).changes for text in self.request.existing}
+        forecasts: dict[str, Mutator | None] = {}
         for child in self.request.children:
             near = mutant_of(child.near) if child.near else None
-            drawn = mutator.child(child.draw, seed=self.seed, driver=driver, seen=seen, near=near)
-            if drawn is not None:
+            drawn_by: Mutator | None = mutator
+            if near is not None and child.how is How.BESIDE:
+                if child.near not in forecasts:
+                    forecasts[child.near] = self._forecast(near, parent, work)
+                drawn_by = forecasts[child.near]
+            drawn = drawn_by and drawn_by.child(
+                child.draw, seed=self.seed, driver=driver, seen=seen, near=near, how=child.how
+            )
+            if drawn and (child.how is not How.EARLIER or _possible(drawn, parent)):
                 seen.add(drawn.changes)
-                yield child.number, drawn.model_copy(update={"name": f"{self.draft.name}_m{child.number}"})
+                yield child.number, drawn.model_copy(update={"name": f"{self.draft.name}{child.suffix}"})
+        if self.request.round <= 1:
+            for mutant in mutator.children(self._first(work.settings), seed=self.seed, driver=driver, seen=seen):
+                number = len(self.request.children) + int(mutant.name.rpartition("_m")[2])
+                yield number, mutant.model_copy(update={"name": f"{self.draft.name}_m{number}"})
+
+    def _first(self, settings: CampaignSettings) -> int:
+        """Return the number of mutants that are drawn anew in the first round; without rounds, these are the rest."""
+        earlier = 0 if settings.in_rounds else len(self.request.children)
+        return max(settings.first_children - earlier, 0)
+
+    def _forecast(self, near: Mutant, parent: TestCase, work: Work) -> Mutator | None:
+        """Return the mutator for the riskiest point of a mutant's own run; None if the run has no such point.
+
+        The forecaster is `foresee` in every campaign, because it needs nothing but the trace. The run is repeated,
+        because the store has no traces of mutants that passed.
+        """
+        settings = work.settings
+        case = expand_mutant(near, parent, source=work.folder / f"{near.name}.foresee")
+        run = run_test_case(case, settings.driver, self.seed, deadlines=work.deadlines, rules=settings.rules)
+        if run.verdict is not Verdict.PASS:
+            return None
+        points = ForeseeRanker().rank(run.trace, seed=self.seed, before_s=FROM_S, after_s=0.0)
+        clip = clip_of(self.draft.text)
+        return next((Mutator(parent, clip, run.trace, preset=settings.preset, point=point) for point in points), None)
+
+
+def _possible(mutant: Mutant, parent: TestCase) -> bool:
+    """Return whether the changes of a mutant fit a clip that they were not drawn for."""
+    try:
+        expand_mutant(mutant, parent, source=parent.source)
+    except ForeseeError:
+        return False
+    return True
 
 
 def driver_of(clip_trace: Trace, driver: str) -> str:

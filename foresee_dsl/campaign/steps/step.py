@@ -19,6 +19,7 @@ from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.campaign.steps.requests import EarlierFailures
 
 Above = TypeVar("Above")
 """Type of the step that a step follows from; None for the first step."""
@@ -34,6 +35,7 @@ class KeyInputs:
         driver, ranker, operators: their identities in keys (see `campaign.keys`).
         references: each reference driver's address, and its identity in keys.
         key: returns the key of a step's class and the parts that its result depends on.
+        earlier: the failing mutants of earlier campaigns, which are run first; None if there are none.
     """
 
     settings: CampaignSettings
@@ -42,6 +44,7 @@ class KeyInputs:
     operators: str
     references: tuple[tuple[str, str], ...]
     key: Callable[..., str]
+    earlier: EarlierFailures | None = None
 
     @property
     def goal(self) -> dict[str, str]:

@@ -51,7 +51,7 @@ SHARED: Mapping[str, Any] = MappingProxyType(
 )
 """The options that other commands have too, by the names of `CampaignSettings`."""
 _ORDER = ("driver", "ranker", "preset", "before", "after", "risky_points", "children", "handover", "repeat",
-          "allocation", "goal", "against", "rules")  # fmt: skip
+          "allocation", "first_from", "goal", "against", "rules")  # fmt: skip
 """The order of the settings' options in `--help-all`; settings that are not listed follow, and then all other options.
 """
 _AFTER_JOBS = "seed"
@@ -275,6 +275,7 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     _refuse_other_words(chosen)
     if chosen["handover_s"] is None:
         chosen["handover_s"] = drivers_handover_s
+    chosen["first_from"] = Path(chosen["first_from"]).as_posix() if chosen["first_from"] else ""
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
 
 

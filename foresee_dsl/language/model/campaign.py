@@ -112,18 +112,19 @@ class Repeat(Item):
 
 
 class Allocation(Item):
-    """`allocation adaptive`: clips whose mutants failed more often get more mutants; `allocation even`: all clips get
-    the same number."""
+    """`allocation adaptive`: clips whose mutants failed more often get more mutants; `allocation stories`: mutants go
+    where they may still add a story; `allocation even`: all clips get the same number."""
 
     pattern = "allocation {how}"
     words = """
         allocation (statement): how a campaign distributes the mutants over the clips | allocation adaptive
         even (constant): all clips get the same number of mutants | allocation even
         adaptive (constant): clips whose mutants failed more often get more mutants | allocation adaptive
+        stories (constant): mutants go where they may still add a story, or an avoidable failure | allocation stories
     """
 
     sets: ClassVar[Mapping[str, str]] = {"how": "allocation"}
-    how: Literal["even", "adaptive"]
+    how: Literal["even", "adaptive", "stories"]
 
 
 class SearchGoal(Item):

@@ -195,6 +195,10 @@ class Page:
         for moment in story.moments:
             text = f"{moment.time_s:6.2f} s  {safe(moment.text)}"
             yield from _wrapped(text, width if wrap else 0, " " * 10)
+        origin = run.case.mutant.origin if run.case.mutant is not None else None
+        if origin is not None and origin.why:
+            yield Text()
+            yield from _wrapped(f"Why it was made: {safe(origin.why, 1000)}", width if wrap else 0, "  ")
         if run.case.clip is None:
             yield from unfired_lines(run.unfired, width if wrap else 0)
         if self.parent is not None:

@@ -225,7 +225,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         more = f", {len(notes)} broke the driver" if notes else ""
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
         yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes else "")
-    if settings.allocation == "adaptive" and children:
+    if settings.in_rounds and children:
         yield Text(_allocated(result))
     length = settings.before_s + settings.after_s
     yield Text(
@@ -255,7 +255,9 @@ def _allocated(result: CampaignResult) -> str:
         f"{count} to {counted(clips, 'clip')}" for count, clips in sorted(counts.items(), reverse=True)
     )
     near = sum(bool(child.drawn_near) for clip in clips for child in clip.children)
-    return f"adaptive allocation of mutants: {allocation}; {near} vary an earlier mutant"
+    return (
+        f"{result.settings.allocation} allocation of mutants: {allocation}; {near} use the changes of an earlier mutant"
+    )
 
 
 def file_of(finding: Finding, out: Path) -> Path | str:

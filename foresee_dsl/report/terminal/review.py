@@ -49,6 +49,8 @@ def _lines(review: Review) -> Iterator[str]:
         names, more = finding["siblings"][:_SIBLINGS], len(finding["siblings"]) - _SIBLINGS
         listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
         yield from ("", *wrapped(f"It stands for {finding['count']} failures, also for {listed}."))
+    if review.why:
+        yield from ("", *wrapped(f"Why its mutant was made: {review.why}"))
     if finding.get("clip"):
         yield from _difference(small)
         yield from _boundary(small)

@@ -63,7 +63,7 @@ class TimeLeft:
         if "child" in at_most:
             at_most["child"] *= settings.repeat
         self._usual = {step.kind: at_most[step.kind] * USUAL_SHARE.get(step.kind, step.share) for step in RUNS}
-        self._in_rounds = settings.allocation == "adaptive"
+        self._in_rounds = settings.in_rounds
         self._children = 0
         """Total number of children in all rounds; 0 until a later round states it, or if there are no rounds."""
         self._planned: Counter[str] = Counter()

@@ -63,11 +63,11 @@ class Written:
 
 
 def write_report(
-    folder: StudyFolder, half: Half | None = None, page: Path | None = None, beside: StudyFolder | None = None
+    folder: StudyFolder, half: Half | None = None, page: Path | None = None, beside: Sequence[StudyFolder] = ()
 ) -> Written:
     """Write the tables of a study's folder, for one half of the test cases (by default, that of the study's settings).
 
-    `beside`: another study, whose exhaustive search the question `search` uses.
+    `beside`: other studies, whose rankers and exhaustive searches the question `search` uses, too.
 
     Raises:
         ForeseeError: there is no study in the folder, or it has no results for this half.

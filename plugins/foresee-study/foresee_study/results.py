@@ -26,7 +26,7 @@ class Results:
         preset: the preset of the questions' campaigns; campaigns with another preset (heavy weather) are selected by
             the name of that preset.
         fuzzings: DriveFuzz's results, for rq4.
-        beside: campaigns of another study, whose exhaustive search the question `search` uses.
+        beside: campaigns of other studies, whose rankers and exhaustive searches the question `search` uses, too.
     """
 
     campaigns: tuple[MeasuredCampaign, ...]
@@ -36,8 +36,8 @@ class Results:
     beside: tuple[MeasuredCampaign, ...] = ()
 
     @classmethod
-    def of(cls, folder: StudyFolder, half: Half | None = None, beside: StudyFolder | None = None) -> Results:
-        """Read a study's results; by default for the half in its settings. `beside`: another study's folder.
+    def of(cls, folder: StudyFolder, half: Half | None = None, beside: Sequence[StudyFolder] = ()) -> Results:
+        """Read a study's results; by default for the half in its settings. `beside`: other studies' folders.
 
         Raises:
             ForeseeError: there are none.
@@ -49,17 +49,22 @@ class Results:
             settings.preset,
             half,
             tuple(replace(f, seeds=tuple(s for s in f.seeds if half in (Half.ALL, s.half))) for f in folder.fuzzings()),
-            tuple(_of_half(m, half) for m in beside.campaigns()) if beside is not None else (),
+            tuple(_of_half(m, half) for other in beside for m in other.campaigns()),
         )
 
     def exhaustive(self, driver: str) -> tuple[MeasuredCampaign, ...]:
-        """Return the exhaustive searches with the study's preset and clips of the chosen length, of this study and of
-        that beside it."""
-        return tuple(
-            m
-            for m in (*self.campaigns, *self.beside)
-            if (m.driver, m.ranker, m.preset, m.clip_s) == (driver, EXHAUSTIVE, self.preset, CHOSEN_S)
-        )
+        """Return the exhaustive searches; see `with_beside`."""
+        return tuple(m for m in self.with_beside(driver) if m.ranker == EXHAUSTIVE)
+
+    def with_beside(self, driver: str) -> tuple[MeasuredCampaign, ...]:
+        """Return the campaigns with a driver, the study's preset and clips of the chosen length, of this study and of
+        those beside it; of two that are alike, this study's."""
+        campaigns: dict[tuple[object, ...], MeasuredCampaign] = {}
+        for m in (*self.campaigns, *self.beside):
+            own = (m.driver, m.group, m.preset, m.clip_s) == (driver, BUNDLED, self.preset, CHOSEN_S)
+            if own and m.seed - m.repetition < SECOND_ITERATION:
+                campaigns.setdefault((m.ranker, m.seed, m.allocation, m.budget_s), m)
+        return tuple(campaigns.values())
 
     @cached_property
     def drivers(self) -> tuple[str, ...]:

@@ -117,9 +117,10 @@ def study(
         ),
     ] = None,
     beside: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            help="For search: folder of a study whose exhaustive search gives the stories.", show_default=False
+            help="For search: folder of a study with rankers and exhaustive searches of the same preset; may be given "
+            "several times.",
         ),
     ] = None,
     allocation: Annotated[
@@ -281,7 +282,7 @@ def _report(
     folder: StudyFolder,
     half: Half | None,
     page: Path | None,
-    beside: Path | None,
+    beside: list[Path] | None,
     *,
     json: bool,
     names: Sequence[str] = (),
@@ -290,7 +291,7 @@ def _report(
     from foresee_study.folder import StudyFolder as Folder
     from foresee_study.report import write_report
 
-    written = write_report(folder, half, page, Folder(beside) if beside is not None else None)
+    written = write_report(folder, half, page, [Folder(at) for at in beside or ()])
     selected_tables = [
         table for name, tables in written.tables.items() if name in (names or written.tables) for table in tables
     ]

@@ -12,7 +12,8 @@ from foresee_dsl import __version__
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest, driver_of
+from foresee_dsl.campaign.steps.mutants import MutantsStep, driver_of
+from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import KeyInputs, Work
 from foresee_dsl.derive.mutate import Mutator
 from foresee_dsl.derive.presets import preset
@@ -67,8 +68,9 @@ class ProposedMutants(MutantsStep):
             names, changes = drawn
             origin = Origin(operator=names, preset=settings.preset, seed=Quantity(value=Decimal(self.seed)),
                             tool=__version__, driver=driver or None)  # fmt: skip
-            name = f"{self.draft.name}_m{number}"
+            suffix = f"_m{number}"
+            name = f"{self.draft.name}{suffix}"
             mutant = Mutant(name=name, parent=f"{self.draft.name}.foresee", pin=pin_of(parent), body=(*changes, origin))
             meaning = expand_mutant(mutant, parent, source=work.folder / f"{name}.foresee").meaning
-            drafts.append(MutantDraft(number, print_model(mutant), meaning))
+            drafts.append(MutantDraft(number, print_model(mutant), meaning, suffix))
         return Mutants(tuple(drafts)), None

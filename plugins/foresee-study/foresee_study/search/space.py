@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from foresee_dsl.campaign.allocation.choice import NEAR_M, NEAR_S
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.derive.operators import Operator, Situation, operators
 from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.language.model import Change
+from foresee_dsl.simulate.results.goal import USUAL_SCALES
 from foresee_study.search.protocol import FAR, OBJECTIVES, Point
 
 Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
@@ -89,7 +89,7 @@ def run_margins(child: ChildOutcome) -> tuple[float, ...]:
         return (min(max(1.0 - child.goal.nearness, 0.0), FAR),) * len(OBJECTIVES)
     near = child.near
     misses = (near.distance_m, near.ttc_s, near.pet_s) if near is not None else (None,) * len(OBJECTIVES)
-    scales = (NEAR_M, NEAR_S, NEAR_S)
+    scales = (USUAL_SCALES["length"], USUAL_SCALES["time"], USUAL_SCALES["time"])
     return tuple(
         FAR if miss is None else min(miss.value / scale, FAR) for miss, scale in zip(misses, scales, strict=True)
     )

@@ -18,7 +18,8 @@ from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
-from foresee_dsl.campaign.steps.mutants import MutantsStep, RoundRequest
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.language.project.document import TestCase
@@ -82,8 +83,12 @@ class SearchRounds(Rounds):
     """The rounds of a search in one test case: in turn the clips and the mutants that it proposes."""
 
     def __init__(self, stages: SearchStages, seed: StepNode, search: Search, budget_s: float) -> None:
-        """Begin before the first proposal."""
-        super().__init__(stages, (seed,))
+        """Begin before the first proposal.
+
+        The base class would look up how a campaign divides its mutants among clips, which a search does not.
+        """
+        self._stages, self.seeds, self.nodes = stages, (seed,), []
+        self.number, self.begun, self.finished = 1, [], False
         self._search_stages, self._search, self._budget_s = stages, search, budget_s
         self._mutants = 0
         self._spent_s: dict[str, float] = {}

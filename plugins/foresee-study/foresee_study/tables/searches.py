@@ -10,7 +10,7 @@ import numpy as np
 
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase, MeasuredClip
 from foresee_study.results import Results, mean
-from foresee_study.settings import BUNDLED, CHOSEN_S, EXHAUSTIVE
+from foresee_study.settings import EXHAUSTIVE
 from foresee_study.statistics import Pair, compare
 from foresee_study.statistics.bootstrap import Interval, ratio_interval
 from foresee_study.tables.comparing import Compared, comparison_table
@@ -32,9 +32,8 @@ def techniques(results: Results, driver: str) -> Techniques:
     """Return the rankers, cut to the simulated time that the searches had, and then the searches; empty if no search
     was run with this driver."""
     own: defaultdict[str, list[MeasuredCampaign]] = defaultdict(list)
-    for m in sorted(results.campaigns, key=lambda m: (m.budget_s is not None, m.ranker, m.repetition)):
-        at_hand = (m.driver, m.group, m.preset, m.clip_s) == (driver, BUNDLED, results.preset, CHOSEN_S)
-        if at_hand and m.ranker != EXHAUSTIVE:
+    for m in sorted(results.with_beside(driver), key=lambda m: (m.budget_s is not None, m.ranker, m.repetition)):
+        if m.ranker != EXHAUSTIVE:
             own[m.ranker if m.allocation == "even" else f"{m.ranker}, {m.allocation}"].append(m)
     budgets = {m.budget_s for each in own.values() for m in each if m.budget_s is not None}
     if len(budgets) != 1:
