@@ -96,11 +96,12 @@ class Simulation:
         self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
-        for group in self._paths:
+        for group in self._shown_actors.paths:
             group.move()
         for guided in self._shown_actors.guided:
             self._guide(guided)
-        self._recover()
+        if self._shown_actors.steered:
+            self._recover()
         for vehicle in self.sumo_vehicles.values() if self.network.bays else ():
             if vehicle.lane in self.network.bays and vehicle.id in self.world:
                 self.world.look_ahead(vehicle.id)
@@ -108,14 +109,13 @@ class Simulation:
                     self._keep_in_bay(vehicle)
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
+        shown = self._shown_actors
         with Part.WORLD:
-            self._shown_actors.show(self.frame)
-        self.world.step()
-        with Part.WORLD:
-            self.world.bodies.correct_lane_order()
-            self._shown_actors.settle()
-        left = self._traffic.follow()
-        self._shown_actors.find_ego_lane(self.frame)
+            shown.show(self.frame)
+            states = self.world.advance(shown.motions())
+        shown.joined.clear()
+        left = self._traffic.follow(states)
+        shown.find_ego_lane(self.frame)
         self._take_over()
         if self.limits.changed:
             self.keep_limits()
