@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.execution.engine import Listener, run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.execution.pool import Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row, Store
@@ -65,6 +66,27 @@ def write_project(folder: Path) -> Path:
     file = folder / "crosser.foresee"
     file.write_text(TEXT)
     return file
+
+
+class InThisProcess(Executor):
+    """Runs tasks one after the other, without workers."""
+
+    def __init__(self, options: RunOptions) -> None:
+        super().__init__()
+
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+        while self._queue and not stop():
+            task = self._tasks.pop(*self._queue.take())
+            value = task.function(task.argument)
+            if not isinstance(value, Generator):
+                yield Update(task, value)
+                continue
+            for part in value:
+                yield Update(task, TaskPart(part))
+            yield Update(task, None)
+
+    def close(self) -> None:
+        pass
 
 
 class Heard(Listener):

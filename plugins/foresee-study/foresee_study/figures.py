@@ -16,9 +16,9 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import replacing
 from foresee_study.curves import Clock, curve
 from foresee_study.measured import Counted, MeasuredCampaign
-from foresee_study.questions import CHOSEN_S, CLIPS_S, POINTS
+from foresee_study.questions import CLIPS_S, POINTS
 from foresee_study.results import Results
-from foresee_study.settings import EXHAUSTIVE
+from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
 from foresee_study.statistics.bootstrap import resamples
 from foresee_study.tables.rankers import shown_rankers
 

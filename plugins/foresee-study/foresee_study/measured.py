@@ -37,7 +37,8 @@ class Child(NamedTuple):
     """A mutant's run.
 
     `story`: for a failure, a hash that equal stories of a family share. `avoided_by`: the judges that avoid it, letters
-    of `AVOIDERS`.
+    of `AVOIDERS`. `steered`: whether the mutation steered the actor into the ego (`story.contact`); None in files
+    written before this was recorded.
     """
 
     verdict: Verdict
@@ -45,6 +46,7 @@ class Child(NamedTuple):
     wall_s: float
     story: str = ""
     avoided_by: str = ""
+    steered: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,8 @@ class MeasuredCampaign:
         tool: the version that ran it.
         cases: the test cases.
         against: the reference drivers that drove each of its failures; None in files written before this was recorded.
+        budget_s: simulated time of a search in each test case, s; None for a ranker's campaign.
+        allocation: how mutants were divided among clips.
     """
 
     group: str
@@ -133,6 +137,8 @@ class MeasuredCampaign:
     tool: str
     cases: tuple[MeasuredCase, ...]
     against: tuple[str, ...] | None = None
+    budget_s: float | None = None
+    allocation: str = "even"
 
     @property
     def driven_by_references(self) -> bool:

@@ -20,9 +20,10 @@ from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Story
 from foresee_study.halves import half_of
 from foresee_study.measured import AVOIDERS, Child, MeasuredCampaign, MeasuredCase, MeasuredClip
+from foresee_study.settings import StudyCampaign
 
 
-def measure(stages: Stages, store: Store, *, group: str, repetition: int) -> MeasuredCampaign:
+def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCampaign:
     """Return the results of a campaign in its store; missing steps are left out."""
     settings = stages.settings
     result = assemble(stages, stages.out)
@@ -49,19 +50,21 @@ def measure(stages: Stages, store: Store, *, group: str, repetition: int) -> Mea
         for seed in result.seeds
     )
     return MeasuredCampaign(
-        group=group,
+        group=wanted.group,
         driver=settings.driver,
-        ranker=settings.ranker,
+        ranker=wanted.ranker,
         preset=settings.preset,
         before_s=settings.before_s,
         after_s=settings.after_s,
         risky_points=settings.risky_points,
         children=settings.children,
-        repetition=repetition,
+        repetition=wanted.repetition,
         seed=settings.seed,
         tool=__version__,
         cases=tuple(sorted(cases, key=lambda case: case.name)),
         against=settings.against,
+        budget_s=wanted.budget_s,
+        allocation=settings.allocation,
     )
 
 
@@ -73,6 +76,7 @@ def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]
             wall_s=round(wall_s["child", child.name], 4),
             story=_story(child.story, clip.family),
             avoided_by=avoided_by(child),
+            steered=child.story.grounds.steered if child.story is not None else None,
         )
         for child in clip.children
     )

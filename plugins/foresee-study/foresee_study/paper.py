@@ -13,9 +13,9 @@ from types import MappingProxyType
 
 from foresee_study.curves import compared_areas
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase
-from foresee_study.questions import CHOSEN_S, HEAVY_WEATHER
+from foresee_study.questions import HEAVY_WEATHER
 from foresee_study.results import TOGETHER, Results
-from foresee_study.settings import EXHAUSTIVE
+from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
 from foresee_study.statistics.bootstrap import Interval, ratio_interval
 from foresee_study.tables.complementarity import iterations
 

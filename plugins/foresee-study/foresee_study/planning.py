@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.node import StepNode
-from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import rounded
 from foresee_study.questions import wanted_by
-from foresee_study.running import Cases, watched
+from foresee_study.running import Cases, stages_of, watched
 from foresee_study.settings import BUNDLED, StudyCampaign, StudySettings
 
 
@@ -59,7 +58,7 @@ def plan_study(
         wanted, _ = watched(wanted_by([name], settings))
         for campaign in (w for w in wanted if w not in planned):
             planned.add(campaign)
-            stages = Stages(cases[campaign.group], campaign.campaign(), store, Path())
+            stages = stages_of(campaign, cases[campaign.group], store, Path())
             each_s = store.mean_wall_s(campaign.driver) if store is not None else {}
             for node, row in stages.walk():
                 # A run may belong to another campaign as well; the runs that follow from this campaign's forecast do
@@ -83,6 +82,9 @@ def plan_study(
 def _following(node: StepNode, wanted: StudyCampaign) -> tuple[int, int]:
     """Return the maximum number of clips and of mutants that may follow from a step without a result."""
     points = min(wanted.risky_points, _USUAL_POINTS)
+    if wanted.budget_s is not None:  # at most: each mutant in a clip of its own
+        runs = int(wanted.budget_s / wanted.clip_s / 2) if node.step.kind == "seed" else 0
+        return runs, runs
     match node.step.kind:
         case "seed" | "forecast":
             return points, points * wanted.children

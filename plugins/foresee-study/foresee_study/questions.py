@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 
-from foresee_study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, StudyCampaign, StudySettings
+from foresee_study.settings import BUNDLED, CHOSEN_S, EVERY_POINT, EXHAUSTIVE, StudyCampaign, StudySettings
 
 CLIPS_S = (6.0, 10.0)
 """Lengths of clips, s: the paper's o_b = o_a of 3 s and of 5 s (section 4.4)."""
-CHOSEN_S = 10.0
-"""Length of clips in the paper's best configuration, s (section 4.5, RQ1)."""
 POINTS = (1, 2, 4)
 """Numbers of risky points, the paper's n_rp (section 4.4)."""
 HEAVY_WEATHER = "heavy_weather"
@@ -91,6 +89,18 @@ def _generality(settings: StudySettings) -> Iterator[StudyCampaign]:
         yield replace(wanted, preset=HEAVY_WEATHER, children=1)
 
 
+def _searches(settings: StudySettings) -> Iterator[StudyCampaign]:
+    """Yield the campaigns of the rankers, `reach` among them, and of the searches; those of one repetition together, so
+    that a study that is stopped can compare all of them."""
+    rankers = tuple(dict.fromkeys((*settings.rankers, "reach")))
+    every = [replace(wanted, allocation=settings.allocation) for wanted in campaigns(settings, rankers)]
+    every += [
+        replace(wanted, budget_s=settings.budget_s, risky_points=EVERY_POINT, children=0)
+        for wanted in campaigns(settings, settings.searches)
+    ]
+    yield from sorted(every, key=lambda wanted: wanted.repetition)
+
+
 def _of(settings: StudySettings, *names: str) -> tuple[str, ...]:
     return tuple(name for name in names if name in settings.rankers)
 
@@ -110,10 +120,15 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
                      _complementarity),
             Question("rq5", "Generality", "Does it work in other towns, with other drivers, in heavy weather?",
                      _generality),
+            Question("search", "Searches from the literature",
+                     "What do the rankers and the searches of other papers find in the same simulated time?",
+                     _searches),
         )
     }
 )  # fmt: skip
-"""The paper's questions (section 4.1), by name."""
+"""The paper's questions (section 4.1), by name, and ours: `search`."""
+PAPERS = tuple(name for name in QUESTIONS if name.startswith("rq"))
+"""The paper's questions."""
 
 
 def wanted_by(names: Iterable[str], settings: StudySettings) -> tuple[StudyCampaign, ...]:

@@ -23,10 +23,18 @@ from foresee_study.tables.effectiveness import effectiveness
 from foresee_study.tables.efficiency import WALL, efficiency
 from foresee_study.tables.generality import generality
 from foresee_study.tables.rankers import comparison
+from foresee_study.tables.searches import searches
 from foresee_study.tables.table import Table
 
 TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
-    {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency, "rq4": complementarity, "rq5": generality}
+    {
+        "rq1": effectiveness,
+        "rq2": comparison,
+        "rq3": efficiency,
+        "rq4": complementarity,
+        "rq5": generality,
+        "search": searches,
+    }
 )
 """For each question, the function that makes its tables."""
 
@@ -54,13 +62,17 @@ class Written:
     notes: tuple[str, ...] = ()
 
 
-def write_report(folder: StudyFolder, half: Half | None = None, page: Path | None = None) -> Written:
+def write_report(
+    folder: StudyFolder, half: Half | None = None, page: Path | None = None, beside: StudyFolder | None = None
+) -> Written:
     """Write the tables of a study's folder, for one half of the test cases (by default, that of the study's settings).
+
+    `beside`: another study, whose exhaustive search the question `search` uses.
 
     Raises:
         ForeseeError: there is no study in the folder, or it has no results for this half.
     """
-    results = Results.of(folder, half)
+    results = Results.of(folder, half, beside)
     if not any(measured.cases for measured in results.campaigns):
         where = "" if results.half is Half.ALL else f"  of the {results.half} half: choose another --half"
         raise ForeseeError(f"the study in {folder.at} has run no test case{where}")

@@ -10,8 +10,8 @@ from foresee_study.folder import StudyFolder
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.halves import Half
 from foresee_study.measured import Counted, MeasuredCampaign
-from foresee_study.questions import CHOSEN_S, HEAVY_WEATHER
-from foresee_study.settings import BUNDLED, DRIVERS, EXHAUSTIVE, POINTS, RANKERS, SECOND_ITERATION
+from foresee_study.questions import HEAVY_WEATHER
+from foresee_study.settings import BUNDLED, CHOSEN_S, DRIVERS, EXHAUSTIVE, POINTS, RANKERS, SECOND_ITERATION
 from foresee_study.statistics import Pair
 
 TOGETHER = "all"
@@ -26,16 +26,18 @@ class Results:
         preset: the preset of the questions' campaigns; campaigns with another preset (heavy weather) are selected by
             the name of that preset.
         fuzzings: DriveFuzz's results, for rq4.
+        beside: campaigns of another study, whose exhaustive search the question `search` uses.
     """
 
     campaigns: tuple[MeasuredCampaign, ...]
     preset: str
     half: Half = Half.ALL
     fuzzings: tuple[Fuzzed, ...] = ()
+    beside: tuple[MeasuredCampaign, ...] = ()
 
     @classmethod
-    def of(cls, folder: StudyFolder, half: Half | None = None) -> Results:
-        """Read a study's results; by default for the half in its settings.
+    def of(cls, folder: StudyFolder, half: Half | None = None, beside: StudyFolder | None = None) -> Results:
+        """Read a study's results; by default for the half in its settings. `beside`: another study's folder.
 
         Raises:
             ForeseeError: there are none.
@@ -47,6 +49,16 @@ class Results:
             settings.preset,
             half,
             tuple(replace(f, seeds=tuple(s for s in f.seeds if half in (Half.ALL, s.half))) for f in folder.fuzzings()),
+            tuple(_of_half(m, half) for m in beside.campaigns()) if beside is not None else (),
+        )
+
+    def exhaustive(self, driver: str) -> tuple[MeasuredCampaign, ...]:
+        """Return the exhaustive searches with the study's preset and clips of the chosen length, of this study and of
+        that beside it."""
+        return tuple(
+            m
+            for m in (*self.campaigns, *self.beside)
+            if (m.driver, m.ranker, m.preset, m.clip_s) == (driver, EXHAUSTIVE, self.preset, CHOSEN_S)
         )
 
     @cached_property
@@ -57,7 +69,7 @@ class Results:
     @cached_property
     def rankers(self) -> tuple[str, ...]:
         """The rankers with results, without the exhaustive search."""
-        return _ordered({m.ranker for m in self.campaigns} - {EXHAUSTIVE}, RANKERS)
+        return _ordered({m.ranker for m in self.campaigns if m.budget_s is None} - {EXHAUSTIVE}, RANKERS)
 
     @cached_property
     def families(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.execution.engine import Listener, run_missing
 from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.settings import Shard
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.drivers.registry import load_driver
@@ -26,6 +27,8 @@ from foresee_study.fuzzed import Fuzzed, fuzzed
 from foresee_study.measured import MeasuredCampaign
 from foresee_study.measuring import measure
 from foresee_study.questions import wanted_by
+from foresee_study.search.searches import SEARCHES
+from foresee_study.search.stages import SearchStages
 from foresee_study.settings import BUNDLED, StudyCampaign, StudySettings
 
 Cases = Mapping[str, Sequence[TestCase]]
@@ -75,6 +78,9 @@ def watched(wanted: Iterable[StudyCampaign]) -> tuple[tuple[StudyCampaign, ...],
     """Return the campaigns whose ranker has weights for their driver, and a note on each pair that is left out."""
     kept, notes = [], {}
     for campaign in wanted:
+        if campaign.budget_s is not None:
+            kept.append(campaign)
+            continue
         ranker = load_ranker(campaign.ranker)
         try:
             if isinstance(ranker, Learned):
@@ -83,6 +89,24 @@ def watched(wanted: Iterable[StudyCampaign]) -> tuple[tuple[StudyCampaign, ...],
         except ForeseeError as err:
             notes[campaign.ranker, campaign.driver] = f"{campaign.ranker} with {campaign.driver}: left out ({err})"
     return tuple(kept), tuple(notes.values())
+
+
+def stages_of(
+    wanted: StudyCampaign,
+    cases: Sequence[TestCase],
+    store: Store | None,
+    out: Path,
+    shard: Shard = Shard(),  # noqa: B008
+) -> Stages:
+    """Return the steps of a campaign: those of a ranker's clips, or those of a search.
+
+    Raises:
+        DriverError: there is no such driver.
+    """
+    if wanted.budget_s is None:
+        return Stages(cases, wanted.campaign(), store, out, shard)
+    search = SEARCHES[wanted.ranker]
+    return SearchStages(cases, wanted.campaign(), store, out, shard, search=search, budget_s=wanted.budget_s)
 
 
 def run_study(
@@ -158,11 +182,11 @@ class _Run:
             return self._done[wanted]
         self._say(f"{place}: {wanted.driver}, {wanted.ranker}, clips of {wanted.clip_s:g} s, seed {wanted.seed}, "
                   f"{wanted.group}, {wanted.preset}")  # fmt: skip
-        stages = Stages(cases, wanted.campaign(), self._store, self._folder.at, self._options.shard)
+        stages = stages_of(wanted, cases, self._store, self._folder.at, self._options.shard)
         ran = run_missing(stages, work=self._work, store=self._store, listeners=self._listeners,
                           options=self._time_left(), minimise=False)  # fmt: skip
         self.broken += ran.broken
-        measured = measure(stages, self._store, group=wanted.group, repetition=wanted.repetition)
+        measured = measure(stages, self._store, wanted)
         self._folder.keep(wanted, measured)
         if ran.stopped:
             return None

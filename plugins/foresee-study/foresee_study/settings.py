@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.settings import Allocation, CampaignSettings
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_study.halves import Half
+from foresee_study.search.searches import SEARCHES
 
 BUNDLED = "bundled"
 """Name of the group of the study's own test cases; the group of a town has the town's name."""
@@ -25,6 +26,8 @@ POINTS = 4
 CHILDREN = 4
 """Number of risky points and of mutants per clip, the paper's n_rp and c, in its best configuration (section 4.5,
 RQ1)."""
+CHOSEN_S = 10.0
+"""Length of clips in the paper's best configuration, s (section 4.5, RQ1)."""
 SECOND_ITERATION = 1000
 """Difference between the seeds of rq4's two iterations. Ours: large enough that no seed is used twice."""
 
@@ -47,6 +50,9 @@ class StudySettings:
         against: the reference drivers; None: the default ones.
         fuzz_repetitions, fuzz_cycles, fuzz_mutations: settings of DriveFuzz, for rq4.
         towns: names of further groups of test cases, for rq5.
+        searches: the searches from the literature, for the question `search`.
+        budget_s: simulated time of a search's clips and mutants in each test case, s.
+        allocation: how the rankers' campaigns of the question `search` divide mutants among clips.
     """
 
     drivers: tuple[str, ...] = DRIVERS
@@ -65,6 +71,9 @@ class StudySettings:
     fuzz_mutations: int = 8
     towns: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
+    searches: tuple[str, ...] = tuple(SEARCHES)
+    budget_s: float = POINTS * (1 + CHILDREN) * CHOSEN_S
+    allocation: Allocation = "even"
 
     @property
     def searched(self) -> tuple[str, ...]:
@@ -81,6 +90,9 @@ class StudyCampaign:
         clip_s: length of a clip, s (the paper's o_b + o_a).
         repetition: number of the repetition, from 0.
         seed: seed of all random choices.
+        budget_s: simulated time of a search in each test case, s; None for a ranker's campaign.
+        allocation: how mutants are divided among clips. Ours: `even`, so that a campaign with more risky points
+            contains the clips of one with fewer.
     """
 
     group: str
@@ -93,11 +105,15 @@ class StudyCampaign:
     risky_points: int = POINTS
     children: int = CHILDREN
     against: tuple[str, ...] | None = None
+    budget_s: float | None = None
+    allocation: Allocation = "even"
 
     @property
     def name(self) -> str:
         """Return the name of the campaign's file."""
-        parts = (self.group, self.driver, self.ranker, f"{self.clip_s:g}s", self.preset, f"seed{self.seed}")
+        parts = [self.group, self.driver, self.ranker, f"{self.clip_s:g}s", self.preset, f"seed{self.seed}"]
+        parts += [] if self.budget_s is None else [f"{self.budget_s:g}s"]
+        parts += [] if self.allocation == "even" else [self.allocation]
         return re.sub(r"[^\w.+-]+", "_", "-".join(parts))
 
     def campaign(self) -> CampaignSettings:
@@ -109,7 +125,7 @@ class StudyCampaign:
         half_s = self.clip_s / 2
         return CampaignSettings(
             driver=self.driver,
-            ranker=self.ranker,
+            ranker=self.ranker if self.budget_s is None else EXHAUSTIVE,  # a search may begin at every second
             preset=self.preset,
             before_s=half_s,
             after_s=half_s,
@@ -119,7 +135,7 @@ class StudyCampaign:
             handover_s=handover_of(load_driver(self.driver), max(half_s - DRIVES_S, 0.0)),
             against=self._references,
             rules=RulesMode.OFF,  # the paper counts F1 to F5 and an ego that does not drive on as failures
-            allocation="even",  # so that a campaign with more risky points contains the clips of one with fewer
+            allocation=self.allocation,
         )
 
     @property

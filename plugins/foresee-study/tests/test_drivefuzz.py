@@ -9,7 +9,6 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from foresee_study.fuzz.settings import FARTHEST_M, NEAREST_M, FuzzSettings
 from foresee_study.fuzz.texts import file_text, original_of, text_of
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import Executor, RunOptions, Update
+from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip
@@ -37,7 +36,7 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, STEER, YAW_RATE
 from tests.support.handmade_traces import EAST, make_trace, straight
 from tests.support.situations import risky
-from tests.support.small_campaign import write_project
+from tests.support.small_campaign import InThisProcess, write_project
 
 SETTINGS = FuzzSettings(driver="idm", cycles=2, mutations=3, seed=4)
 
@@ -54,21 +53,6 @@ def done(file: Path) -> tuple[FuzzResult, Path]:
     with Store(out / "store") as store:
         cases = load_test_cases([f"{file}::after", f"{file}::last"])
         return fuzz(cases, SETTINGS, out=out, store=store, options=RunOptions(jobs=2)), out
-
-
-class InThisProcess(Executor):
-    """Runs tasks one after the other, without workers."""
-
-    def __init__(self, options: RunOptions) -> None:
-        super().__init__()
-
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        while self._queue and not stop():
-            task = self._tasks.pop(*self._queue.take())
-            yield Update(task, task.function(task.argument))
-
-    def close(self) -> None:
-        pass
 
 
 def written(out: Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import sys
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.campaign.settings import Allocation
     from foresee_dsl.language.project.document import TestCase
     from foresee_study.folder import Cost, StudyFolder
     from foresee_study.halves import Half
@@ -35,7 +36,8 @@ REPORT = "report"
 
 def study(
     question: Annotated[
-        str, typer.Argument(metavar="QUESTION", help="rq1 to rq5 (several with commas), all, or report.")
+        str,
+        typer.Argument(metavar="QUESTION", help="rq1 to rq5 (several with commas), all of them, search, or report."),
     ],
     paths: Annotated[
         list[str] | None,
@@ -102,6 +104,27 @@ def study(
         str,
         typer.Option(metavar="R,C,M", help="For rq4, DriveFuzz: R repetitions, C cycles, M mutations per cycle."),
     ] = "1,10,8",
+    searches: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="For search: the searches, separated by commas; by default all."),
+    ] = None,
+    budget_hours: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            help="For search: simulated hours of each search, by default 200 s for each test case.",
+            show_default=False,
+        ),
+    ] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option(
+            help="For search: folder of a study whose exhaustive search gives the stories.", show_default=False
+        ),
+    ] = None,
+    allocation: Annotated[
+        str, typer.Option(metavar="NAME", help="For search: how rankers divide mutants among clips, even or adaptive.")
+    ] = "even",
     towns: Annotated[
         list[Path] | None,
         typer.Option("--town", help="For rq5: a folder of test cases of another town; may be given several times."),
@@ -138,20 +161,20 @@ def study(
     """
     from foresee_dsl.campaign.campaign_file import NOBODY
     from foresee_study.folder import StudyFolder
-    from foresee_study.questions import QUESTIONS
+    from foresee_study.questions import PAPERS, QUESTIONS
     from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
 
     chosen = half_named(half)
     if question == REPORT:
         if len(paths or ()) > 1:
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
-        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, json=json)
+        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, json=json)
         return
-    names = tuple(QUESTIONS) if question == ALL else names_in(question)
+    names = PAPERS if question == ALL else names_in(question)
     if not names or not set(names) <= set(QUESTIONS):
         choices = ", ".join((*QUESTIONS, ALL, REPORT))
         raise typer.BadParameter(f"{question!r} is not one of: {choices}", param_hint="QUESTION")
-    searched, searches = numbers_in(exhaustive, 2, "--exhaustive")
+    exhaustive_drivers, exhaustive_repetitions = numbers_in(exhaustive, 2, "--exhaustive")
     fuzz_repetitions, cycles, mutations = numbers_in(fuzzing, 3, "--fuzzing")
     settings = StudySettings(
         drivers=names_in(drivers) or DRIVERS,
@@ -159,8 +182,8 @@ def study(
         half=chosen or StudySettings.half,
         first=cases,
         repetitions=repetitions,
-        exhaustive_repetitions=searches,
-        exhaustive_drivers=searched,
+        exhaustive_repetitions=exhaustive_repetitions,
+        exhaustive_drivers=exhaustive_drivers,
         seed=seed,
         preset=preset,
         readings=presets_in(readings),
@@ -170,8 +193,12 @@ def study(
         fuzz_cycles=cycles,
         fuzz_mutations=mutations,
         towns=tuple(town.name for town in towns or ()),
+        searches=searches_in(searches) or StudySettings.searches,
+        allocation=allocation_named(allocation),
     )
     groups = {BUNDLED: cases_of(paths, settings, only, allow_outside=allow_outside)}
+    if budget_hours is not None:
+        settings = replace(settings, budget_s=round(budget_hours * 3600 / len(groups[BUNDLED]), 1))
     groups |= {town.name: town_cases(town, settings, allow_outside=allow_outside) for town in towns or ()}
     folder = StudyFolder(out)
     if plan:
@@ -200,7 +227,7 @@ def study(
     elif shard:
         screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
     else:
-        _report(folder, chosen, page, json=json, names=names)
+        _report(folder, chosen, page, beside, json=json, names=names)
     if ran.broken:
         raise typer.Exit(FAILED)
 
@@ -251,12 +278,19 @@ def _run(
 
 
 def _report(
-    folder: StudyFolder, half: Half | None, page: Path | None, *, json: bool, names: Sequence[str] = ()
+    folder: StudyFolder,
+    half: Half | None,
+    page: Path | None,
+    beside: Path | None,
+    *,
+    json: bool,
+    names: Sequence[str] = (),
 ) -> None:
     """Write all results of the study's folder, and print the tables of these questions (default: all)."""
+    from foresee_study.folder import StudyFolder as Folder
     from foresee_study.report import write_report
 
-    written = write_report(folder, half, page)
+    written = write_report(folder, half, page, Folder(beside) if beside is not None else None)
     selected_tables = [
         table for name, tables in written.tables.items() if name in (names or written.tables) for table in tables
     ]
@@ -330,6 +364,26 @@ def presets_in(text: str | None) -> tuple[str, ...]:
         return tuple(preset(name).name for name in names_in(text))
     except UnknownPresetError as err:
         raise typer.BadParameter(str(err), param_hint="--readings") from err
+
+
+def searches_in(text: str | None) -> tuple[str, ...]:
+    """Return the searches with the names in a text that separates them by commas."""
+    from foresee_study.search.searches import SEARCHES
+
+    for name in (names := names_in(text)):
+        if name not in SEARCHES:
+            raise typer.BadParameter(f"{name!r} is not one of: {', '.join(SEARCHES)}", param_hint="--searches")
+    return names
+
+
+def allocation_named(text: str) -> Allocation:
+    """Return the allocation of mutants with this name."""
+    from foresee_dsl.campaign.settings import Allocation
+
+    if text not in get_args(Allocation):
+        names = ", ".join(get_args(Allocation))
+        raise typer.BadParameter(f"{text!r} is not one of: {names}", param_hint="--allocation")
+    return cast("Allocation", text)
 
 
 def half_named(text: str | None) -> Half | None:

@@ -6,9 +6,9 @@ from itertools import product
 
 from foresee_study.curves import Clock, compared_areas, curve
 from foresee_study.measured import Counted, MeasuredCampaign
-from foresee_study.questions import CHOSEN_S, CLIPS_S
+from foresee_study.questions import CLIPS_S
 from foresee_study.results import Results, mean, mean_count, paired
-from foresee_study.settings import EXHAUSTIVE
+from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
 from foresee_study.tables.rankers import shown_rankers
 from foresee_study.tables.table import Column, Row, RowKind, Table
 

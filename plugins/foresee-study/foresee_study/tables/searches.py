@@ -1,0 +1,163 @@
+"""search: what rankers and searches from the literature find in the same simulated time."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase, MeasuredClip
+from foresee_study.results import Results, mean
+from foresee_study.settings import BUNDLED, CHOSEN_S, EXHAUSTIVE
+from foresee_study.statistics import Pair, compare
+from foresee_study.statistics.bootstrap import Interval, ratio_interval
+from foresee_study.tables.comparing import Compared, comparison_table
+from foresee_study.tables.table import Column, Row, RowKind, Table, Value
+
+OURS = "reach"
+"""The ranker with which all others are compared."""
+Techniques = dict[str, tuple[MeasuredCampaign, ...]]
+"""The repetitions of each ranker and search with one driver."""
+
+
+def searches(results: Results) -> tuple[Table, ...]:
+    """Return the tables of the question `search`; none without the results of a search."""
+    by_driver = {driver: techniques(results, driver) for driver in results.drivers}
+    return _rates(results, by_driver), _statistics(by_driver)
+
+
+def techniques(results: Results, driver: str) -> Techniques:
+    """Return the rankers, cut to the simulated time that the searches had, and then the searches; empty if no search
+    was run with this driver."""
+    own: defaultdict[str, list[MeasuredCampaign]] = defaultdict(list)
+    for m in sorted(results.campaigns, key=lambda m: (m.budget_s is not None, m.ranker, m.repetition)):
+        at_hand = (m.driver, m.group, m.preset, m.clip_s) == (driver, BUNDLED, results.preset, CHOSEN_S)
+        if at_hand and m.ranker != EXHAUSTIVE:
+            own[m.ranker if m.allocation == "even" else f"{m.ranker}, {m.allocation}"].append(m)
+    budgets = {m.budget_s for each in own.values() for m in each if m.budget_s is not None}
+    if len(budgets) != 1:
+        return {}
+    (budget_s,) = budgets
+    return {
+        name: tuple(m if m.budget_s is not None else within(m, budget_s * len(m.usable)) for m in each)
+        for name, each in own.items()
+    }
+
+
+def within(measured: MeasuredCampaign, simulated_s: float) -> MeasuredCampaign:
+    """Return the part of a campaign that fits into a simulated time, in the order of its runs: rank by rank."""
+    kept: defaultdict[str, list[MeasuredClip]] = defaultdict(list)
+    ordered = sorted(
+        ((clip.position, k, case.name, clip) for k, case in enumerate(measured.usable) for clip in case.clips),
+        key=lambda entry: entry[:2],
+    )
+    for _, _, name, clip in ordered:
+        if clip.simulated_s > simulated_s:
+            break
+        simulated_s -= clip.simulated_s
+        count = 0
+        for child in clip.children:
+            if child.simulated_s > simulated_s:
+                break
+            simulated_s -= child.simulated_s
+            count += 1
+        kept[name].append(replace(clip, children=clip.children[:count]))
+        if count < len(clip.children):
+            break
+    return replace(measured, cases=tuple(replace(case, clips=tuple(kept[case.name])) for case in measured.cases))
+
+
+def _rates(results: Results, by_driver: dict[str, Techniques]) -> Table:
+    columns = (
+        Column("hours"), Column("clips", digits=0), Column("children", digits=0),
+        *(Column(what.value, digits=1) for what in Counted),
+        *(Column(title, (f"{what.value} an hour",), 1) for what in Counted for title in ("mean", "low", "high")),
+        Column("steered into the ego, % of findings", digits=0), Column("stories of the exhaustive search", digits=1),
+        Column("of", digits=0), Column("repetitions"),
+    )  # fmt: skip
+    rows: list[Row] = []
+    for driver, own in by_driver.items():
+        every = stories(results.exhaustive(driver))
+        lines = [Row(name, tuple(_values(campaigns, every))) for name, campaigns in own.items()]
+        rows += [Row(driver, kind=RowKind.HEADING), *lines] if lines else []
+    notes = (
+        "Simulated time of clips and mutants; rankers are cut to the time that the searches had, in the order of their "
+        "runs, and some need less. Findings: stories of a campaign. Low, high: 95 % by bootstrap over test cases, of "
+        "the rate of the stories of each test case, scaled to the rate of the campaign's.",
+        "Steered into the ego: the mutation turned the wheels, or moved the line, of the actor that the ego collides "
+        "with, towards the ego before the contact, and this actor moved (its story says so). Stories of the exhaustive "
+        "search: how many of its findings are found, with the same preset.",
+    )
+    return Table("search", "Search: rankers and searches at equal simulated time", columns, tuple(rows), "technique",
+                 notes)  # fmt: skip
+
+
+def _values(campaigns: Sequence[MeasuredCampaign], every: frozenset[str]) -> Iterator[Value]:
+    hours = sum(m.simulated_s for m in campaigns) / 3600
+    yield hours / len(campaigns)
+    yield mean(m.clips for m in campaigns)
+    yield mean(len(m.children_run) for m in campaigns)
+    yield from (mean(m.count(what) for m in campaigns) for what in Counted)
+    for what in Counted:
+        rate = sum(m.count(what) for m in campaigns) / hours if hours else None
+        yield rate
+        yield from _interval(campaigns, what, rate)
+    steered = [_steered_share(m) for m in campaigns]
+    yield mean(share for share in steered if share is not None) if any(s is not None for s in steered) else None
+    yield mean(len(every & stories((m,))) for m in campaigns) if every else None
+    yield len(every) or None
+    yield len(campaigns)
+
+
+def _interval(campaigns: Sequence[MeasuredCampaign], what: Counted, rate: float | None) -> Interval:
+    cases: defaultdict[str, list[MeasuredCase]] = defaultdict(list)
+    for m in campaigns:
+        for case in m.usable:
+            cases[case.name].append(case)
+    counts = [sum(case.count(what) for case in own) for own in cases.values()]
+    hours = [sum(_simulated_s(case) for case in own) / 3600 for own in cases.values()]
+    if rate is None or not sum(counts):
+        return Interval(np.nan, np.nan)
+    scale = rate / (sum(counts) / sum(hours))
+    low, high = ratio_interval(counts, hours)
+    return Interval(scale * low, scale * high)
+
+
+def _simulated_s(case: MeasuredCase) -> float:
+    return sum(clip.simulated_s + sum(child.simulated_s for child in clip.children) for clip in case.clips)
+
+
+def _steered_share(measured: MeasuredCampaign) -> float | None:
+    """Return the share of the findings in which an actor was steered into the ego, %; None if there is no finding, or
+    if the file does not say it."""
+    steered = {child.story: child.steered for child in measured.children_run if child.verdict.is_collision}
+    if not steered or None in steered.values():
+        return None
+    return 100 * sum(map(bool, steered.values())) / len(steered)
+
+
+def stories(campaigns: Sequence[MeasuredCampaign]) -> frozenset[str]:
+    """Return the stories of all findings."""
+    return frozenset(child.story for m in campaigns for child in m.children_run if child.verdict.is_collision)
+
+
+def _statistics(by_driver: dict[str, Techniques]) -> Table:
+    rows = [
+        Compared(driver, f"{OURS} over {name}: {what.value}", compare(_pairs(own[OURS], others, what)))
+        for driver, own in by_driver.items()
+        if OURS in own
+        for name, others in own.items()
+        if name != OURS
+        for what in Counted
+    ]
+    return comparison_table("search_statistics", f"Search: {OURS} over each other technique", rows)
+
+
+def _pairs(first: Sequence[MeasuredCampaign], second: Sequence[MeasuredCampaign], what: Counted) -> list[Pair]:
+    sides = [{(m.repetition, case.name): case for m in side for case in m.usable} for side in (first, second)]
+    return [
+        Pair(name, repetition, sides[0][repetition, name].count(what), sides[1][repetition, name].count(what))
+        for repetition, name in sorted(sides[0].keys() & sides[1].keys())
+    ]
