@@ -109,13 +109,12 @@ class Simulation:
                     self._keep_in_bay(vehicle)
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
-        shown = self._shown_actors
         with Part.WORLD:
-            shown.show(self.frame)
-            states = self.world.advance(shown.motions())
-        shown.joined.clear()
+            self._shown_actors.show(self.frame)
+            states = self.world.advance(self._shown_actors.motions())
+        self._shown_actors.joined.clear()
         left = self._traffic.follow(states)
-        shown.find_ego_lane(self.frame)
+        self._shown_actors.find_ego_lane(self.frame)
         self._take_over()
         if self.limits.changed:
             self.keep_limits()
