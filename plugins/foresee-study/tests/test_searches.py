@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_study.folder import StudyFolder
 from foresee_study.halves import Half
 from foresee_study.measured import Child, MeasuredCampaign, MeasuredCase, MeasuredClip
 from foresee_study.measuring import measure
@@ -233,6 +234,15 @@ def test_the_table_counts_at_equal_time_and_says_how_many_were_steered_into_the_
     hours = float(by_name["bandit"]["hours"])
     rate = float(by_name["bandit"]["collisions an hour, mean"])
     assert hours == pytest.approx(8 * 20 / 3600, abs=0.01) and rate == pytest.approx(16 / (8 * 20 / 3600), rel=0.01)
+
+
+def test_the_figures_in_the_documentation_are_those_of_the_stored_measurements(root: Path) -> None:
+    stored, pages = root / "benchmarks", root / "docs" / "background" / "results"
+    beside = [StudyFolder(stored / name) for name in ("study", "idm_study")]
+    rates, statistics = searches(Results.of(StudyFolder(stored / "search_study"), None, beside))
+    large, _ = searches(Results.of(StudyFolder(stored / "search_study" / "large")))
+    for name, table in (("search", rates), ("search_statistics", statistics), ("search_large", large)):
+        assert (pages / f"{name}.csv").read_text() == table.as_csv(), name
 
 
 def test_a_ranker_is_cut_in_the_order_of_its_runs() -> None:
