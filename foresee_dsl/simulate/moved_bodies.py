@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.vehicle_reader import VehicleReader
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -27,13 +28,17 @@ class MovedBodies:
     """The vehicles of SUMO's world that are moved from outside, in every step."""
 
     def __init__(
-        self, sumo: ModuleType, errors: tuple[type[Exception], ...], route_of: Callable[[tuple[str, ...]], str]
+        self,
+        sumo: ModuleType,
+        errors: tuple[type[Exception], ...],
+        route_of: Callable[[tuple[str, ...]], str],
+        reader: VehicleReader,
     ) -> None:
         """Begin without bodies.
 
         `errors`: the exceptions that SUMO raises. `route_of`: a function that returns SUMO's name of a route of edges.
         """
-        self._sumo, self._errors, self._route_of = sumo, errors, route_of
+        self._sumo, self._errors, self._route_of, self._reader = sumo, errors, route_of, reader
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
 
     def clear(self) -> None:
@@ -84,31 +89,20 @@ class MovedBodies:
         the ego had passed). This function can be deleted once SUMO's `lane.getLastStepVehicleIDs` is in order of
         position without it. Bodies must be placed again before the next step.
         """
-        vehicle = self._sumo.vehicle
-        try:
-            lanes = list(map(vehicle.getLaneID, self._bodies))
-        except self._errors:  # a body that has reached the end of its route has no lane
-            lanes = list(map(self._lane_of, self._bodies))
-        for lane in dict.fromkeys(lanes):
-            queue = self._sumo.lane.getLastStepVehicleIDs(lane) if lane else ()
-            if len(queue) < 2:
-                continue
-            places = list(map(vehicle.getLanePosition, queue))
-            if places == sorted(places):
-                continue
-            for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
-                bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
-                # A stand-in is inserted again rather than the ego: SUMO would treat the ego as just arrived at a
-                # junction, which would change the right of way.
-                for name in sorted(bodies, key=lambda name: self._bodies[name][0] != GHOST_TYPE)[:1]:
-                    vehicle.remove(name)
-                    self._put_in(name)
+        for lane in self._reader.disordered(tuple(self._bodies)):
+            self._correct(lane)
 
-    def _lane_of(self, vehicle: str) -> str:
-        try:
-            return str(self._sumo.vehicle.getLaneID(vehicle))
-        except self._errors:
-            return ""  # a body that has reached the end of its route
+    def _correct(self, lane: str) -> None:
+        vehicle = self._sumo.vehicle
+        queue = self._sumo.lane.getLastStepVehicleIDs(lane)
+        places = list(map(vehicle.getLanePosition, queue))
+        for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
+            bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
+            # A stand-in is inserted again rather than the ego: SUMO would treat the ego as just arrived at a junction,
+            # which would change the right of way.
+            for name in sorted(bodies, key=lambda name: self._bodies[name][0] != GHOST_TYPE)[:1]:
+                vehicle.remove(name)
+                self._put_in(name)
 
     def _put_in(self, vehicle: str) -> None:
         model, route, length_m = self._bodies[vehicle]
