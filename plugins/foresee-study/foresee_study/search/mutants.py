@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
@@ -25,9 +25,6 @@ from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.trace import Trace
 from foresee_study.search.protocol import Point
 from foresee_study.search.space import changes_at
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)
