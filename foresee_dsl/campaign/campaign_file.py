@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import get_type_hints
 
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.registry import driver_names, name_in
 from foresee_dsl.errors import Diagnostic, InputError
@@ -165,21 +167,10 @@ def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
 
 
 def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:
+    """Yield the settings that the statements of a campaign set, each with its value."""
+    kinds = get_type_hints(CampaignSettings)
     for item in campaign.body:
-        if isinstance(item, m.Preset):
-            yield "preset", item.name
-        elif isinstance(item, m.ClipAround):
-            yield "before", item.before.si
-            yield "after", item.after.si
-        elif isinstance(item, m.RiskyPoints):
-            yield "risky_points", int(item.count.si)
-        elif isinstance(item, m.Children):
-            yield "children", int(item.count.si)
-        elif isinstance(item, m.Repeat):
-            yield "repeat", int(item.times.si)
-        elif isinstance(item, m.Allocation):
-            yield "allocation", item.how
-        elif isinstance(item, m.SearchGoal):
-            yield "goal", item.name
-        elif isinstance(item, m.FirstSeed):
-            yield "seed", int(item.seed.si)
+        for name, setting in getattr(item, "sets", {}).items():
+            value = getattr(item, name)
+            number = value.si if isinstance(value, m.Quantity) else value
+            yield setting, int(number) if kinds[setting] is int else number

@@ -2,15 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 from foresee_dsl.drivers.deadlines import Deadlines
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
+from foresee_dsl.language.campaign_values import (
+    AROUND_S,
+    CHILDREN,
+    REPEAT,
+    RISKY_POINTS,
+    RULES_MODE,
+    RulesMode,
+)
 
 Allocation = Literal["even", "adaptive", "stories"]
 FIRST = 1
 """Number of mutants per clip and seed in the first round."""
+
+
+class Option(NamedTuple):
+    """The option of a setting on the command line.
+
+    Attributes:
+        help: its text in `--help`. low, high: the bounds of its values, None without bounds.
+        metavar: what stands for its value in `--help`; "" for the name of its type.
+        shows_default: whether `--help` shows the default.
+        by_driver: without the option, the command asks the driver; its default is then None, not that of the setting.
+    """
+
+    help: str
+    low: float | None = None
+    high: float | None = None
+    metavar: str = ""
+    shows_default: bool = True
+    by_driver: bool = False
+
+
+OPTION = "option"
+"""Key of a field's metadata: its `Option`; None for a setting without one."""
+
+
+def option(
+    help_: str, bounds: tuple[float | None, float | None] = (None, None), *, metavar: str = "",
+    shows_default: bool = True, by_driver: bool = False,
+) -> Mapping[str, Option]:  # fmt: skip
+    """Return the metadata of a setting's field: its option, see `Option`."""
+    return {OPTION: Option(help_, *bounds, metavar, shows_default, by_driver)}
 
 
 @dataclass(frozen=True)
@@ -21,8 +59,9 @@ class CampaignSettings:
     mutants per risky point; the preset `focused` is ours. Several drivers or rankers need several settings, which share
     their common runs in one store.
 
-    The options of the command line have these defaults; their bounds are those of the campaign file's statements
-    (`language.campaign_values`).
+    Each field is declared once, with its option of `foresee campaign` and `foresee plan`; the options that other
+    commands have too are `cli.options.campaign_options.SHARED`. The bounds are also those of the campaign file's
+    statements, which name the settings that they set (`language.model.campaign`).
 
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
@@ -46,19 +85,55 @@ class CampaignSettings:
     driver: str = "pdm"
     ranker: str = "foresee"
     preset: str = "focused"
-    before_s: float = 5.0
-    after_s: float = 5.0
-    risky_points: int = 4
-    children: int = 4
+    before_s: float = field(default=5.0, metadata=option("Seconds of a clip before its risky point.", AROUND_S))
+    after_s: float = field(default=5.0, metadata=option("Seconds of a clip after its risky point.", AROUND_S))
+    risky_points: int = field(default=4, metadata=option("Maximum number of risky points per run.", RISKY_POINTS))
+    children: int = field(default=4, metadata=option("Number of mutants per clip.", CHILDREN))
     seed: int = 0
-    fidelity_limit_m: float = 0.75
+    fidelity_limit_m: float = field(default=0.75, metadata={OPTION: None})
     handover_s: float = 0.0
-    repeat: int = 1
-    against: tuple[str, ...] = ()
-    allocation: Allocation = "even"
+    repeat: int = field(
+        default=1, metadata=option("Number of times each clip is mutated, each with another seed.", REPEAT)
+    )
+    against: tuple[str, ...] = field(
+        default=(),
+        metadata=option(
+            "Reference drivers that also drive every failure, separated by commas, for example idm,pdm+ideal (put a "
+            "name that contains a comma in double quotes); `none` for no reference drivers. By default idm, frenetix, "
+            "pdm, and the driver itself with ideal sensors.",
+            metavar="DRIVERS",
+            shows_default=False,
+            by_driver=True,
+        ),
+    )
+    allocation: Allocation = field(
+        default="even",
+        metadata=option(
+            "How mutants are distributed: even (each clip gets --children), adaptive (the same total in rounds; "
+            "clips whose mutants failed more often get more) or stories (the same total in rounds; mutants go where "
+            "they may still add a story).",
+            metavar="HOW",
+        ),
+    )
     rules: RulesMode = RULES_MODE
-    goal: str = ""
-    first_from: str = ""
+    goal: str = field(
+        default="",
+        metadata=option(
+            "Search the expectation with this label (`expect NAME: always ...`) instead of collisions: its margin "
+            "decides what is studied, and a run that breaks it fails.",
+            metavar="NAME",
+            shows_default=False,
+        ),
+    )
+    first_from: str = field(
+        default="",
+        metadata=option(
+            "Folder of an earlier campaign, with this or another driver, or of kept failures: mutants that failed "
+            "there are run first, in clips of the same test case.",
+            metavar="FOLDER",
+            shows_default=False,
+        ),
+    )
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""

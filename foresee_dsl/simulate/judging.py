@@ -89,19 +89,21 @@ class Judging:
 
     def step(self, frame: Frame) -> None:
         """Decide whether the run ends at this frame, and set the frame's decision."""
-        arrived = not self._began_at_goal and self._conditions.arrived("ego")
+        simulation = self._simulation
+        along_m, _ = simulation.progress.of(simulation.ego, simulation.frame)
+        arrived = not self._began_at_goal and along_m >= simulation.scene.goal_s
         if not arrived and self._drives_on(frame):
             self._judge.moves()
             return
-        ego = self._simulation.ego.bicycle()
+        ego = simulation.ego.bicycle()
         decision = self._judge.look(
             frame.time_s,
             ego,
             frame.states[1:, :3],
             frame.states[1:, SPEED],
-            off_road=not self._squares.hold(off_road_points(self._simulation.ego.motion, ego)),
+            off_road=not self._squares.hold(off_road_points(simulation.ego.motion, ego)),
             arrived=arrived,
-            may_wait=may_wait(self._simulation),
+            may_wait=may_wait(simulation),
         )
         if decision is not None and decision.verdict is Verdict.F1 and not decision.with_:
             decision = self._of_the_map(decision)

@@ -139,6 +139,12 @@ class Run:
         recorded = bundle.scene.ego.recorded
         self._watches_until_s = recorded[-1].time_s if recorded else 0.0
         self._steps = 0
+        # What happens at each frame, in this order.
+        self._order = Part.DIRECTOR.timed(self._director.step)
+        self._record = Part.RECORDING.timed(self._recorder.frame)
+        self._sense = Part.SENSING.timed(self._sensing.observe)
+        self._judge = Part.JUDGING.timed(self._decide)
+        self._advance = Part.ACTORS.timed(self._simulation.step)
 
     @property
     def has_the_world(self) -> bool:
@@ -167,12 +173,12 @@ class Run:
     def next_frame(self) -> Frame:
         """Return the next frame: recorded, sensed and judged, without a control."""
         frame = Frame(self._simulation.time_s)
-        self._order()
-        self._record(frame)
+        self._order()  # evaluates the triggers and carries out their orders; it needs no field of the frame
+        frame.states = self._record(self._world.signals)
         if self._follower is not None and frame.time_s > self._watches_until_s + STEP_S / 2:
             x, y = frame.states[0, :2].tolist()
             self._follower.measure(x, y, frame.time_s)
-        self._sense(frame)
+        frame.observation = self._sense(frame.states)
         self._judge(frame)
         return frame
 
@@ -188,36 +194,20 @@ class Run:
         except (Exception, SystemExit, DriverHangs) as err:  # any exception of the driver is a result of the run
             failed = self._broken(err)
             self._order()
-            self._record(Frame(self._simulation.time_s))  # a trace must have at least one frame
+            self._record(self._world.signals)  # a trace must have at least one frame
             return failed
         self._watch.starts()
         return None
 
-    def _order(self) -> None:
-        """Evaluate the triggers and carry out their orders; neither reads nor sets a field of the frame."""
-        with Part.DIRECTOR:
-            self._director.step()
-
-    def _record(self, frame: Frame) -> None:
-        """Record a frame of the trace, and set the states."""
-        with Part.RECORDING:
-            frame.states = self._recorder.frame(self._world.signals)
-
-    def _sense(self, frame: Frame) -> None:
-        """Set the observation from the states."""
-        with Part.SENSING:
-            frame.observation = self._sensing.observe(frame.states)
-
-    def _judge(self, frame: Frame) -> None:
+    def _decide(self, frame: Frame) -> None:
         """Set the decision from the states, then evaluate the scenario's expectations."""
-        with Part.JUDGING:
-            self._judging.step(frame)
-            if self._rules is not None:
-                self._rules.look()
-            if frame.decision is not None:
-                self._conditions.end_rules(frame.decision)
-            hit = frame.decision is not None and bool(frame.decision.with_)
-            self._expectations.look(frame.time_s, ego_hit=hit)
+        self._judging.step(frame)
+        if self._rules is not None:
+            self._rules.look()
+        if frame.decision is not None:
+            self._conditions.end_rules(frame.decision)
+        hit = frame.decision is not None and bool(frame.decision.with_)
+        self._expectations.look(frame.time_s, ego_hit=hit)
 
     def _drive(self, frame: Frame) -> None:
         """Set the control from the driver's answer; if the driver fails, set the frame's decision, which ends the
@@ -264,8 +254,7 @@ class Run:
     def move(self, frame: Frame) -> None:
         """Move all actors to the next frame with the frame's control; set the decision if SUMO fails."""
         try:
-            with Part.ACTORS:
-                left = self._simulation.step(frame.control)
+            left = self._advance(frame.control)
         except SimulationError as err:
             World.close_shared()  # SUMO may be in an undefined state, so the next run starts a new one
             frame.decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator failed: {err}")

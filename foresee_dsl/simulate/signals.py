@@ -92,4 +92,7 @@ class Signals:
 
     def colour(self, tls: str, link: int) -> SignalColour:
         """Return the current colour of one link of a signal."""
-        return colour_shown(self.state(tls), link)
+        span = self._spans.get(tls)
+        if span is None or self.now_s >= span[2]:
+            self.stage_span(tls)
+        return colour_shown(self._states[tls], link)

@@ -14,6 +14,7 @@ import atexit
 import contextlib
 import gc
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -68,6 +69,10 @@ class _Vehicle:
     top_mps: float = math.nan  # the last top speed set in SUMO
     placed: bool = False
     ignores: set[str] = field(default_factory=set)
+
+
+BodyMotion = tuple[str, float, float]
+"""The id of a vehicle that is moved from outside, and its speed (m/s) and acceleration (m/s^2) after a step."""
 
 
 class VehicleStates(NamedTuple):
@@ -183,10 +188,24 @@ class World:
         try:
             with Part.SUMO:
                 self._sumo.simulation.step(0)
-            with Part.WORLD:
-                self.signals.look()
         except self._errors as err:
             raise SimulationError(f"SUMO stopped: {err}") from err
+        self.signals.look()
+
+    def advance(self, motions: Iterable[BodyMotion]) -> VehicleStates:
+        """Simulate one step, and return the states of all vehicles that SUMO drives after it.
+
+        `motions`: the speeds of the vehicles that are moved from outside, each of which was placed before this call.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        self.step()
+        self.bodies.correct_lane_order()
+        settle = self.settle
+        for vehicle, speed_mps, acceleration_mps2 in motions:
+            settle(vehicle, speed_mps, acceleration_mps2)
+        return self.vehicles()
 
     # --- vehicles --------------------------------------------------------------------------------------------------
 
@@ -311,17 +330,13 @@ class World:
         """
         state = self._vehicles[vehicle]
         state.cruise_mps = max(speed_mps, _CRAWLS_MPS)
-        self._set_top(vehicle, state, state.cruise_mps)
+        self.limit_speed(vehicle, state.cruise_mps)
         self._limit_speed(vehicle, state, state.edge)
 
     def limit_speed(self, vehicle: str, speed_mps: float) -> None:
         """Limit a vehicle's speed, below its cruising speed, until `set_cruise` is called again."""
-        state = self._vehicles.get(vehicle)
-        if state is not None:
-            self._set_top(vehicle, state, max(speed_mps, _CRAWLS_MPS))
-
-    def _set_top(self, vehicle: str, state: _Vehicle, speed_mps: float) -> None:
-        if speed_mps != state.top_mps:
+        state, speed_mps = self._vehicles.get(vehicle), max(speed_mps, _CRAWLS_MPS)
+        if state is not None and speed_mps != state.top_mps:
             state.top_mps = speed_mps
             self._sumo.vehicle.setMaxSpeed(vehicle, speed_mps)
 

@@ -60,6 +60,20 @@ def test_without_a_clock_nothing_is_counted_and_with_one_blocks_nest() -> None:
     assert set(clock.take().spent) == {Part.REST, Part.COMPILE, Part.START, Part.PLACING, Part.MEASURING}
 
 
+def test_a_function_is_timed_only_with_a_clock() -> None:
+    def double(number: int) -> int:
+        return 2 * number
+
+    assert Part.SENSING.timed(double) is double
+    measuring.start(clock := Clock(exactly=True))
+    try:
+        timed = Part.SENSING.timed(double)
+        assert timed(4) == 8
+        assert clock.take().spent[Part.SENSING].wall_ns > 0
+    finally:
+        measuring.start(None)
+
+
 def test_a_part_has_its_own_time_alone_and_all_of_them_the_whole() -> None:
     clock = Clock(Part.REST)
     for _ in range(2 * EVERY):

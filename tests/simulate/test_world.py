@@ -148,3 +148,26 @@ def test_an_impossible_route_is_refused(town: Town) -> None:
     _, world = _world(town)
     with pytest.raises(SimulationError, match="car"):
         world.add_vehicle(replace(car, route=("nowhere",)))
+
+
+def test_one_call_advances_settles_and_reads(town: Town) -> None:
+    car = town.vehicle("car", ("n12_n11", "n11_n10"), 20.0, speed=7.5)
+    stands = town.vehicle("body", ("n12_n11", "n11_n10"), 60.0)
+    ways = []
+    for at_once in (True, False):
+        _, world = _world(town)
+        world.add_vehicle(car)
+        world.bodies.add("body", "car.compact", stands.route)
+        way = []
+        for _ in range(60):
+            world.bodies.place("body", stands.x, stands.y, stands.heading_rad)
+            if at_once:
+                states = world.advance([("body", 0.0, 0.0)])
+            else:
+                world.step()
+                world.bodies.correct_lane_order()
+                world.settle("body", 0.0, 0.0)
+                states = world.vehicles()
+            way.append((states.names, states.numbers.tolist(), states.changed))
+        ways.append(way)
+    assert ways[0] == ways[1] and ways[0][-1][0] == ("car",)

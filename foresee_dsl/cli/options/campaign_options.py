@@ -7,19 +7,19 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 from typer.models import OptionInfo
 
-from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.settings import OPTION, CampaignSettings, Option
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
-from foresee_dsl.language.campaign_values import AROUND_S, CHILDREN, REPEAT, RISKY_POINTS
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -39,78 +39,72 @@ Paths = Annotated[
 ]
 
 
+SHARED: Mapping[str, Any] = MappingProxyType(
+    {
+        "driver": common.DriverOption,
+        "ranker": common.RankerOption,
+        "preset": common.PresetOption,
+        "handover_s": common.HandoverOption,
+        "rules": common.RulesOption,
+        "seed": common.SeedOption,
+    }
+)
+"""The options that other commands have too, by the names of `CampaignSettings`."""
+_ORDER = ("driver", "ranker", "preset", "before", "after", "risky_points", "children", "handover", "repeat",
+          "allocation", "first_from", "goal", "against", "rules")  # fmt: skip
+"""The order of the settings' options in `--help-all`; settings that are not listed follow, and then all other options.
+"""
+_AFTER_JOBS = "seed"
+"""The one setting that stands among the other options."""
+
+
+def options_of_settings(settings: type[CampaignSettings] = CampaignSettings) -> dict[str, inspect.Parameter]:
+    """Return the options of the settings as parameters by name, in the order of the help.
+
+    Raises:
+        TypeError: a setting has no option.
+    """
+    kinds = get_type_hints(settings)
+    options = {}
+    for setting in fields(settings):
+        own: Option | None = setting.metadata.get(OPTION)
+        if own is None and setting.name not in SHARED:
+            if OPTION in setting.metadata:
+                continue
+            raise TypeError(f"the setting {setting.name} has no option: add `metadata=option(help)`")
+        by_driver = own.by_driver if own is not None else setting.name == "handover_s"
+        default = None if by_driver else setting.default
+        name = option_name(setting.name)
+        kind = _option(own, kinds[setting.name]) if own is not None else SHARED[setting.name]
+        options[name] = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
+    ordered = sorted(options, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
+    return {name: options[name] for name in ordered}
+
+
+def option_name(setting: str) -> str:
+    """Return the name of a setting's option as a parameter: `before` for `before_s`."""
+    return setting.removesuffix("_s")
+
+
+def _option(option: Option, kind: Any) -> Any:  # noqa: ANN401 - types
+    """Return the annotation of a parameter by which typer makes an option. Lists and choices are texts at first."""
+    kind = kind if kind in (int, float, str, bool) else str
+    info = typer.Option(
+        min=option.low, max=option.high, help=option.help, metavar=option.metavar or None,
+        show_default=option.shows_default,
+    )  # fmt: skip
+    return Annotated[kind | None if option.by_driver else kind, info]
+
+
 @dataclass(frozen=True)
 class Flags:
-    """The options of `campaign` and `plan`, in the order of their help."""
+    """The options of `campaign` and `plan`, in the order of their help.
 
-    driver: common.DriverOption = CampaignSettings.driver
-    ranker: common.RankerOption = CampaignSettings.ranker
-    preset: common.PresetOption = CampaignSettings.preset
-    before: Annotated[
-        float,
-        typer.Option(min=AROUND_S[0], max=AROUND_S[1], help="Seconds of a clip before its risky point."),
-    ] = CampaignSettings.before_s
-    after: Annotated[
-        float,
-        typer.Option(min=AROUND_S[0], max=AROUND_S[1], help="Seconds of a clip after its risky point."),
-    ] = CampaignSettings.after_s
-    risky_points: Annotated[
-        int,
-        typer.Option(min=RISKY_POINTS[0], max=RISKY_POINTS[1], help="Maximum number of risky points per run."),
-    ] = CampaignSettings.risky_points
-    children: Annotated[int, typer.Option(min=CHILDREN[0], max=CHILDREN[1], help="Number of mutants per clip.")] = (
-        CampaignSettings.children
-    )
-    handover: common.HandoverOption = None
-    repeat: Annotated[
-        int,
-        typer.Option(
-            min=REPEAT[0],
-            max=REPEAT[1],
-            help="Number of times each clip is mutated, each with another seed.",
-        ),
-    ] = CampaignSettings.repeat
-    allocation: Annotated[
-        str,
-        typer.Option(
-            metavar="HOW",
-            help="How mutants are distributed: even (each clip gets --children), adaptive (the same total in rounds; "
-            "clips whose mutants failed more often get more) or stories (the same total in rounds; mutants go where "
-            "they may still add a story).",
-        ),
-    ] = CampaignSettings.allocation
-    first_from: Annotated[
-        Path | None,
-        typer.Option(
-            "--first-from",
-            metavar="FOLDER",
-            help="Folder of an earlier campaign, with this or another driver, or of kept failures: mutants that failed "
-            "there are run first, in clips of the same test case.",
-            show_default=False,
-        ),
-    ] = None
-    goal: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="Search the expectation with this label (`expect NAME: always ...`) instead of collisions: its margin "
-            "decides what is studied, and a run that breaks it fails.",
-            show_default=False,
-        ),
-    ] = CampaignSettings.goal
-    against: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DRIVERS",
-            help="Reference drivers that also drive every failure, separated by commas, for example idm,pdm+ideal (put "
-            "a name that contains a comma in double quotes); `none` for no reference drivers. By default idm, "
-            "frenetix, pdm, and the driver itself with ideal sensors.",
-            show_default=False,
-        ),
-    ] = None
-    rules: common.RulesOption = CampaignSettings.rules
+    `settings`: the values of the options of `CampaignSettings`, by the names of the options.
+    """
+
+    settings: Mapping[str, Any]
     jobs: Jobs = CPUS
-    seed: common.SeedOption = CampaignSettings.seed
     out: common.OutOption = Path("out")
     store: Annotated[
         Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
@@ -166,7 +160,8 @@ def _hidden(option: inspect.Parameter) -> inspect.Parameter:
 
 
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command in which one typer option per field of `Flags` replaces the parameter `flags`.
+    """Return a command in which typer options, one for each setting and each field of `Flags`, replace the parameter
+    `flags`.
 
     Typer reads a function's signature, so the new command carries a signature of its own. Its help shows the usual
     options.
@@ -174,10 +169,15 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     own = inspect.signature(command, eval_str=True).parameters
     kinds = get_type_hints(Flags, include_extras=True)
     keyword = inspect.Parameter.KEYWORD_ONLY
-    shared = [inspect.Parameter(f.name, keyword, annotation=kinds[f.name], default=f.default) for f in fields(Flags)]
+    settings = options_of_settings()
+    others = [inspect.Parameter(f.name, keyword, annotation=kinds[f.name], default=f.default)
+              for f in fields(Flags) if f.name != "settings"]  # fmt: skip
+    first = [option for name, option in settings.items() if name != _AFTER_JOBS]
+    shared = [*first, others[0], settings[_AFTER_JOBS], *others[1:]]
 
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
-        flags = Flags(**{option.name: values.pop(option.name) for option in shared})
+        of_settings = {name: values.pop(name) for name in settings}
+        flags = Flags(of_settings, **{option.name: values.pop(option.name) for option in others})
         command(**values, flags=flags)
 
     update_wrapper(run, command)
@@ -219,9 +219,9 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     from foresee_dsl.drivers.consent import refuse_programs
     from foresee_dsl.errors import ForeseeError
 
-    drivers: tuple[str, ...] = (flags.driver,)
-    rankers: tuple[str, ...] = (flags.ranker,)
-    values = asdict(flags)
+    values = dict(flags.settings)
+    drivers: tuple[str, ...] = (values["driver"],)
+    rankers: tuple[str, ...] = (values["ranker"],)
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
             raise ForeseeError("a campaign file names its own test cases, so no other path can be given beside it")
@@ -243,7 +243,8 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
                     unless=flags.run_programs,
                 )
         rankers = file.rankers if file.rankers and "ranker" not in on_command_line else rankers
-        values |= {name: value for name, value in file.settings.items() if name not in on_command_line}
+        in_file = {option_name(name): value for name, value in file.settings.items()}
+        values |= {name: value for name, value in in_file.items() if name not in on_command_line}
         if file.against is not None and "against" not in on_command_line:
             values["against"] = file.against
         if "budget" not in on_command_line and file.budget_s is not None:
@@ -253,7 +254,6 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
 
 
 def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
-    from foresee_dsl.campaign.settings import Allocation
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import handover_of
@@ -270,16 +270,22 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     if isinstance(loaded_ranker := load_ranker(ranker), Learned):
         loaded_ranker.weights_hash(driver)  # raises if no weights were learned for this driver
     load_preset(values["preset"])
-    if values["allocation"] not in get_args(Allocation):
-        allocations = ", ".join(get_args(Allocation))
-        raise typer.BadParameter(f"{values['allocation']!r} is not one of: {allocations}", param_hint="--allocation")
-    by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
     against = _references(values["against"], driver)
-    chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
+    chosen = {f.name: values[option_name(f.name)] for f in fields(CampaignSettings) if option_name(f.name) in values}
+    _refuse_other_words(chosen)
     if chosen["handover_s"] is None:
         chosen["handover_s"] = drivers_handover_s
-    chosen["first_from"] = Path(chosen["first_from"]).as_posix() if chosen["first_from"] is not None else ""
+    chosen["first_from"] = Path(chosen["first_from"]).as_posix() if chosen["first_from"] else ""
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
+
+
+def _refuse_other_words(values: Mapping[str, Any]) -> None:
+    """Raise `BadParameter` for the value of a setting that is not one of its words."""
+    for name, kind in get_type_hints(CampaignSettings).items():
+        words = get_args(kind) if get_origin(kind) is Literal else ()
+        if words and values[name] not in words:
+            message = f"{values[name]!r} is not one of: {', '.join(words)}"
+            raise typer.BadParameter(message, param_hint=f"--{option_name(name).replace('_', '-')}")
 
 
 def _references(names: str | tuple[str, ...] | None, driver: str) -> tuple[str, ...]:

@@ -1,6 +1,10 @@
-"""The campaign file: its test cases, drivers, clipping and mutation settings, and time budget."""
+"""The campaign file: its test cases, drivers, clipping and mutation settings, and time budget.
 
-from typing import Annotated, Literal
+A statement that sets one of `campaign.settings.CampaignSettings` says which: `sets` maps its fields to the settings.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -61,6 +65,7 @@ class Preset(Item):
     pattern = "preset {name}"
     words = "preset (setting): the settings by which clips are mutated | preset focused"
 
+    sets: ClassVar[Mapping[str, str]] = {"name": "preset"}
     name: Name
 
 
@@ -69,6 +74,7 @@ class ClipAround(Item):
 
     pattern = "clip before {before} after {after}"
 
+    sets: ClassVar[Mapping[str, str]] = {"before": "before_s", "after": "after_s"}
     before: _Around
     after: _Around
 
@@ -81,6 +87,7 @@ class RiskyPoints(Item):
         risky_points (statement): the maximum number of risky points per run of which clips are cut | risky_points 4
     """
 
+    sets: ClassVar[Mapping[str, str]] = {"count": "risky_points"}
     count: Annotated[_Count, Bounds(*RISKY_POINTS)]
 
 
@@ -90,6 +97,7 @@ class Children(Item):
     pattern = "children {count}"
     words = "children (statement): the number of mutants per clip | children 4"
 
+    sets: ClassVar[Mapping[str, str]] = {"count": "children"}
     count: Annotated[_Count, Bounds(*CHILDREN)]
 
 
@@ -99,6 +107,7 @@ class Repeat(Item):
     pattern = "repeat {times}"
     words = "repeat (statement): how many times each clip is mutated, each time with the next seed | repeat 3"
 
+    sets: ClassVar[Mapping[str, str]] = {"times": "repeat"}
     times: Annotated[_Count, Bounds(*REPEAT)]
 
 
@@ -114,6 +123,7 @@ class Allocation(Item):
         stories (constant): mutants go where they may still add a story, or an avoidable failure | allocation stories
     """
 
+    sets: ClassVar[Mapping[str, str]] = {"how": "allocation"}
     how: Literal["even", "adaptive", "stories"]
 
 
@@ -123,6 +133,7 @@ class SearchGoal(Item):
 
     pattern = "goal {name}"
 
+    sets: ClassVar[Mapping[str, str]] = {"name": "goal"}
     name: Name
 
 
@@ -131,6 +142,7 @@ class FirstSeed(Item):
 
     pattern = "seed {seed}"
 
+    sets: ClassVar[Mapping[str, str]] = {"seed": "seed"}
     seed: Annotated[_Count, Bounds(*SEED)]
 
 

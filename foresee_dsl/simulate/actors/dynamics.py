@@ -184,6 +184,8 @@ def checked(control: Control) -> tuple[float, float, float]:
             f"the driver answered {control!r}; it must answer a Control with the numbers steer, throttle and brake, "
             "or a Trajectory"
         ) from err
+    if -1.0 <= steer <= 1.0 and 0.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0:
+        return steer, throttle + 0.0, brake + 0.0  # the sum of -0.0 and 0.0 is 0.0, as for other values below
     if isnan(steer) or isnan(throttle) or isnan(brake):
         raise ValueError(f"the driver answered {control!r}, in which a value is NaN")
     return max(-1.0, min(1.0, steer)), max(0.0, min(1.0, throttle)), max(0.0, min(1.0, brake))

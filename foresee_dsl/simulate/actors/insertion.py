@@ -147,7 +147,9 @@ class Insertion:
         `at_least_mps`.
         """
         self._world.step()
-        self._shown_actors.settle()
+        for motion in self._shown_actors.motions():
+            self._world.settle(*motion)
+        self._shown_actors.joined.clear()
         for vehicle in self._vehicles.values():
             if vehicle.id not in self._world:
                 continue  # not inserted yet

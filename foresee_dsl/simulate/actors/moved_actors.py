@@ -27,7 +27,7 @@ from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.moved_bodies import GHOST_TYPE
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.world import World
+from foresee_dsl.simulate.world import BodyMotion, World
 
 KERB_M = 0.5
 """Distance before the edge of a crossing at which a pedestrian waits, m. Ours: toes behind the kerb."""
@@ -194,10 +194,9 @@ class StandIn:
         """Whether the body has a stand-in in SUMO."""
         return bool(self._in)
 
-    def settle(self) -> None:
-        """Set the speeds of the stand-ins again after a step: SUMO derives other speeds from how far it moved them."""
-        for name, speed in self._in.items():
-            self._world.settle(name, speed, 0.0)
+    def motions(self) -> list[BodyMotion]:
+        """Return the speeds that the stand-ins must have in SUMO after the next step."""
+        return [(name, speed, 0.0) for name, speed in self._in.items()]
 
     def _place(
         self, name: str, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float

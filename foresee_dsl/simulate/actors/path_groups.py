@@ -28,6 +28,7 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor, StandIn
 from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.world import BodyMotion
 
 _NEAREST_LANE_M = 5.0
 """Largest distance from a point at which the nearest lane counts as the lane there, m. Ours."""
@@ -117,6 +118,10 @@ class PathGroup:
                 self._seen_on[n] = NO_LANE
         self.gather()
 
+    def __len__(self) -> int:
+        """Return the number of actors that have followed paths, also of those that have left."""
+        return len(self._actors)
+
     def gather(self) -> None:
         """Collect the states and paths of all followers in arrays; to be called again when a follower changes
         its path.
@@ -165,10 +170,9 @@ class PathGroup:
                 self._seen.append(stand_in)
             self._seen_on[n] = lane
 
-    def settle(self) -> None:
-        """Set the speeds of the stand-ins again after a step of SUMO."""
-        for stand_in in self._seen:
-            stand_in.settle()
+    def motions(self) -> list[BodyMotion]:
+        """Return the speeds that the stand-ins must have in SUMO after the next step."""
+        return [motion for stand_in in self._seen for motion in stand_in.motions()]
 
     def drop(self, actor: PathActor) -> None:
         """Stop moving an actor, and stop showing it to SUMO."""

@@ -12,7 +12,7 @@ from foresee_dsl.simulate.actors.path_groups import PathGroup
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.triggers.progress import Progress
-from foresee_dsl.simulate.world import World
+from foresee_dsl.simulate.world import BodyMotion, World
 
 OFF_LANE_M = 1.8
 """Lateral distance to a lane's centreline up to which the ego is on that lane, m. Ours: about half a lane."""
@@ -22,6 +22,7 @@ class ShownActors:
     """The actors that SUMO does not move and whose positions it gets in every step.
 
     Attributes:
+        paths: the groups that have actors.
         joined: vehicles that SUMO drives from this step on, at the end of their path.
     """
 
@@ -30,7 +31,8 @@ class ShownActors:
         world: World,
     ) -> None:  # fmt: skip
         """Select the actors to show from all actors; `paths`: the groups of the actors that follow paths or tracks."""
-        self.ego, self.paths, self._progress, self._world = ego, paths, progress, world
+        self.ego, self._progress, self._world = ego, progress, world
+        self.paths = tuple(group for group in paths if len(group))
         actors = list(actors)
         self.guided = [actor for actor in actors if isinstance(actor, GuidedVehicle)]
         self.steered = [actor for actor in actors if isinstance(actor, SteeredVehicle)]
@@ -45,10 +47,11 @@ class ShownActors:
 
     def show_ego(self, frame: int, ahead_s: float = 0.0) -> None:
         """Tell SUMO the ego's position, or its position `ahead_s` later at its current speed."""
-        (x, y), way, heading = self.ego.front, self.ego.speed * ahead_s, self.ego.heading
-        self._world.bodies.place(
-            self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading, self._lane_ahead(frame)
-        )
+        ego = self.ego
+        x, y, heading, speed, *_ = ego.row()
+        half, way, cos, sin = ego.length / 2, speed * ahead_s, math.cos(heading), math.sin(heading)
+        front_x, front_y = x + half * cos + way * cos, y + half * sin + way * sin
+        self._world.bodies.place(ego.id, front_x, front_y, heading, self._lane_ahead(frame))
 
     def _lane_ahead(self, frame: int) -> str:
         """Return the lane that the ego's front is on; "" if it is not on a lane of its route."""
@@ -71,23 +74,25 @@ class ShownActors:
                 x, y = steered.front
                 self._world.bodies.place(steered.id, x, y, steered.heading)
 
-    def settle(self) -> None:
-        """Set the speeds of the shown actors again after a step: SUMO derives other speeds from how far they moved."""
-        ego = self.ego
-        self._world.settle(ego.id, ego.speed, ego.acceleration)
+    def motions(self) -> list[BodyMotion]:
+        """Return the speeds that the shown actors must have in SUMO after the next step: SUMO derives other speeds from
+        how far they moved.
+        """
+        bodies: list[SimulatedActor] = [self.ego, *self.joined]
+        if self.steered:
+            bodies += [actor for actor in self.steered if actor.taken is not None and actor.present]
+        motions = []
+        for body in bodies:
+            _, _, _, speed, acceleration, *_ = body.row()
+            motions.append((body.id, speed, acceleration))
         for group in self.paths:
-            group.settle()
+            motions += group.motions()
         for static in self._in_the_way:
-            static.stand_in.settle()
+            motions += static.stand_in.motions()
         for guided in self.guided:
             if guided.guide is not None:
-                guided.guide.stand_in.settle()
-        for joined in self.joined:
-            self._world.settle(joined.id, joined.speed, joined.acceleration)
-        self.joined.clear()
-        for steered in self.steered:
-            if steered.taken is not None and steered.present:
-                self._world.settle(steered.id, steered.speed, steered.acceleration)
+                motions += guided.guide.stand_in.motions()
+        return motions
 
     def hide(self, actor: StaticActor) -> None:
         """Remove a standing actor from SUMO."""

@@ -96,11 +96,12 @@ class Simulation:
         self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
-        for group in self._paths:
+        for group in self._shown_actors.paths:
             group.move()
         for guided in self._shown_actors.guided:
             self._guide(guided)
-        self._recover()
+        if self._shown_actors.steered:
+            self._recover()
         for vehicle in self.sumo_vehicles.values() if self.network.bays else ():
             if vehicle.lane in self.network.bays and vehicle.id in self.world:
                 self.world.look_ahead(vehicle.id)
@@ -110,11 +111,9 @@ class Simulation:
         self.time_s = round(self.frame * STEP_S, 6)
         with Part.WORLD:
             self._shown_actors.show(self.frame)
-        self.world.step()
-        with Part.WORLD:
-            self.world.bodies.correct_lane_order()
-            self._shown_actors.settle()
-        left = self._traffic.follow()
+            states = self.world.advance(self._shown_actors.motions())
+        self._shown_actors.joined.clear()
+        left = self._traffic.follow(states)
         self._shown_actors.find_ego_lane(self.frame)
         self._take_over()
         if self.limits.changed:

@@ -141,6 +141,11 @@ class SimulatedActor:
         x, y, heading, speed, *_ = self._row.tolist()
         return Mover(x, y, heading, speed, self.length, self.width)
 
+    def row(self) -> list[float]:
+        """Return the current state: the columns of `Trace.states`. One call is cheaper than several properties."""
+        values: list[float] = self._row.tolist()
+        return values
+
     def bicycle(self) -> BicycleState:
         """Return the current state as a bicycle's state."""
         return BicycleState(*self._row.tolist())

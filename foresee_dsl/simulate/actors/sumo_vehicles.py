@@ -30,7 +30,7 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.world import World
+from foresee_dsl.simulate.world import VehicleStates, World
 
 ROUNDING_M = 1e-2
 """An offset of a vehicle from its lane up to this, m, comes from rounding in a file and is corrected at once."""
@@ -331,6 +331,8 @@ class SumoTraffic:
         over.
         """
         changed = self._update_limits()
+        if not changed:
+            return
         with Part.WORLD:
             for number in changed:
                 self._world.limit_speed(self._vehicles[number].id, self._ordered.item(number))
@@ -346,10 +348,9 @@ class SumoTraffic:
         record = self._records[self._numbers[vehicle]]
         record["cruise"], record["ordered"] = speed_mps, np.nan
 
-    def follow(self) -> tuple[str, ...]:
+    def follow(self, vehicles: VehicleStates) -> tuple[str, ...]:
         """Move every vehicle to its position in SUMO after a step; return the ids of the vehicles that left."""
-        with Part.WORLD:
-            names, numbers, changed = self._world.vehicles()
+        names, numbers, changed = vehicles
         left: tuple[str, ...] = ()
         if names is not self._names:
             left = self._note_names(names)

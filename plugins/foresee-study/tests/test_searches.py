@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_study.folder import StudyFolder
 from foresee_study.halves import Half
 from foresee_study.measured import Child, MeasuredCampaign, MeasuredCase, MeasuredClip
 from foresee_study.measuring import measure
@@ -24,7 +25,7 @@ from foresee_study.search.samota import Samota
 from foresee_study.search.searches import SEARCHES
 from foresee_study.search.space import changes_at, dimensions_of, run_margins, values_of
 from foresee_study.settings import StudyCampaign
-from foresee_study.tables.searches import searches, techniques, within
+from foresee_study.tables.searches import rates, searches, techniques, within
 
 from foresee_dsl.campaign.execution.engine import run_missing
 from foresee_dsl.campaign.execution.pool import RunOptions
@@ -221,8 +222,8 @@ def test_the_table_counts_at_equal_time_and_says_how_many_were_steered_into_the_
     rankers = made("reach", (HIT, STEERED, MISS)), made("random", (MISS, MISS, HIT))
     exhaustive = made("exhaustive", (HIT, HIT._replace(story="c")))
     results = Results((*rankers, made("bandit", (HIT, STEERED), 20.0), exhaustive), "paper")
-    rates, statistics = (list(csv.DictReader(io.StringIO(table.as_csv()))) for table in searches(results))
-    by_name = {row["technique"]: row for row in rates}
+    counted, statistics = (list(csv.DictReader(io.StringIO(table.as_csv()))) for table in searches(results))
+    by_name = {row["technique"]: row for row in counted}
     assert set(by_name) == {"reach", "random", "bandit"}
     assert by_name["reach"]["findings"] == "2" and by_name["reach"]["avoidable findings"] == "1"
     assert by_name["reach"]["steered into the ego, % of findings"] == "50"
@@ -233,6 +234,16 @@ def test_the_table_counts_at_equal_time_and_says_how_many_were_steered_into_the_
     hours = float(by_name["bandit"]["hours"])
     rate = float(by_name["bandit"]["collisions an hour, mean"])
     assert hours == pytest.approx(8 * 20 / 3600, abs=0.01) and rate == pytest.approx(16 / (8 * 20 / 3600), rel=0.01)
+
+
+def test_the_figures_in_the_documentation_are_those_of_the_stored_measurements(root: Path) -> None:
+    stored, pages = root / "benchmarks", root / "docs" / "background" / "results"
+    beside = [StudyFolder(stored / name) for name in ("study", "idm_study")]
+    study = Results.of(StudyFolder(stored / "search_study"), None, beside)
+    large = Results.of(StudyFolder(stored / "search_study" / "large"))
+    for name, results in (("search", study), ("search_large", large)):
+        table = rates(results)
+        assert (pages / f"{name}.csv").read_text() == table.as_csv(), name
 
 
 def test_a_ranker_is_cut_in_the_order_of_its_runs() -> None:

@@ -7,8 +7,8 @@ search trains a radial basis function on clusters of the best runs, and proposes
 paper ends when all requirements are violated; with an equal simulated time, all objectives are then opened again.
 
 The paper's requirements are its system's (a lane, a vehicle, a pedestrian, ...). Here the objectives are the margins
-`protocol.OBJECTIVES`: a gap, a time to collision, a post-encroachment time. "Program" below means the authors' public
-program, from which the numbers are.
+`protocol.OBJECTIVES`: a gap, a time to collision, a post-encroachment time. "Program" below means the authors' program
+in the form in which later public test frameworks contain it; the numbers are from there.
 """
 
 from __future__ import annotations

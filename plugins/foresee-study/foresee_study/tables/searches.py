@@ -24,8 +24,7 @@ Techniques = dict[str, tuple[MeasuredCampaign, ...]]
 
 def searches(results: Results) -> tuple[Table, ...]:
     """Return the tables of the question `search`; none without the results of a search."""
-    by_driver = {driver: techniques(results, driver) for driver in results.drivers}
-    return _rates(results, by_driver), _statistics(by_driver)
+    return rates(results), _statistics({driver: techniques(results, driver) for driver in results.drivers})
 
 
 def techniques(results: Results, driver: str) -> Techniques:
@@ -68,7 +67,8 @@ def within(measured: MeasuredCampaign, simulated_s: float) -> MeasuredCampaign:
     return replace(measured, cases=tuple(replace(case, clips=tuple(kept[case.name])) for case in measured.cases))
 
 
-def _rates(results: Results, by_driver: dict[str, Techniques]) -> Table:
+def rates(results: Results) -> Table:
+    """Return what each technique finds, in numbers and per simulated hour."""
     columns = (
         Column("hours"), Column("clips", digits=0), Column("children", digits=0),
         *(Column(what.value, digits=1) for what in Counted),
@@ -77,7 +77,8 @@ def _rates(results: Results, by_driver: dict[str, Techniques]) -> Table:
         Column("of", digits=0), Column("repetitions"),
     )  # fmt: skip
     rows: list[Row] = []
-    for driver, own in by_driver.items():
+    for driver in results.drivers:
+        own = techniques(results, driver)
         every = stories(results.exhaustive(driver))
         lines = [Row(name, tuple(_values(campaigns, every))) for name, campaigns in own.items()]
         rows += [Row(driver, kind=RowKind.HEADING), *lines] if lines else []
