@@ -1,0 +1,90 @@
+"""Compares the allocations of mutants: failures, findings and avoidable findings of equal campaigns.
+
+    python benchmarks/allocations.py --half odd --driver pdm --ranker foresee --seed 0 --out out/allocations
+
+The campaigns share a store, so test cases, clips and equal mutants are run once. A simulated hour is one of clips and
+mutants, the repeated runs of the second level included; findings are those of mutants. The figures of
+docs/background/method.md are from here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from foresee_study.halves import Half, of_half
+
+from foresee_dsl.campaign.assembly import assemble
+from foresee_dsl.campaign.execution.engine import run_missing
+from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.records import ChildOutcome
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import Allocation, CampaignSettings
+from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.derive.clipping.clip import DRIVES_S
+from foresee_dsl.drivers.registry import handover_of, load_driver
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.story import ContactClass
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+ALLOCATIONS: tuple[Allocation, ...] = ("even", "adaptive", "stories")
+AGAINST = ("idm", "pdm+ideal")
+"""Reference drivers. Ours: those that take least time."""
+_SECOND_LEVEL = re.compile(r"_m\d+_m\d+$")
+
+
+def result_of(settings: CampaignSettings, half: Half, out: Path, jobs: int) -> CampaignResult:
+    """Run the campaign of one half of the test cases, without minimising its findings."""
+    work = out / "work"
+    work.mkdir(parents=True, exist_ok=True)
+    with Store(out / "store") as store:
+        stages = Stages(of_half(load_test_cases([SCENARIOS]), half), settings, store, out)
+        end = run_missing(stages, work=work, store=store, options=RunOptions(jobs=jobs), minimise=False)
+        assembly = assemble(stages, out)
+    return CampaignResult(settings, assembly.seeds, assembly.clips, 0.0, end.stopped, end.broken)
+
+
+def row(result: CampaignResult) -> str:
+    """Return the figures of a campaign as a row of a table."""
+    children = {child.name: child for clip in result.clips for child in clip.children}
+    second = {(child.round, child.drawn_near) for name, child in children.items() if _SECOND_LEVEL.search(name)}
+    repeated_s = sum(children[name].duration_s for _, name in second)
+    hours = (sum(run.duration_s for run in (*result.clips, *children.values())) + repeated_s) / 3600
+    findings = [finding for finding in result.findings if isinstance(finding.representative, ChildOutcome)]
+    avoidable = sum(finding.avoidable for finding in findings)
+    steered = sum(finding.story.contact is ContactClass.STRUCK_BY_STEERED for finding in findings)
+    failures = sum(child.verdict.is_failure for child in children.values())
+    cells = (result.settings.allocation, len(children), failures, len(findings), avoidable, f"{hours:.2f}",
+             f"{len(findings) / hours:.1f}", f"{avoidable / hours:.1f}", f"{steered} of {len(findings)}")  # fmt: skip
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+def main() -> None:
+    """Run the campaigns and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--half", type=Half, default=Half.ODD)
+    for option, default in (("driver", "pdm"), ("ranker", "foresee"), ("preset", "focused")):
+        parser.add_argument(f"--{option}", default=default)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("out/allocations"))
+    options = parser.parse_args()
+    settings = CampaignSettings(
+        driver=options.driver, ranker=options.ranker, preset=options.preset, seed=options.seed,
+        handover_s=handover_of(load_driver(options.driver), 5.0 - DRIVES_S),
+        against=tuple(name for name in AGAINST if name != options.driver),
+    )  # fmt: skip
+    columns = ("allocation", "children", "failures", "findings", "avoidable", "hours", "findings an hour",
+               "avoidable an hour", "steered into it")  # fmt: skip
+    sys.stdout.write(f"| {' | '.join(columns)} |\n")
+    for allocation in ALLOCATIONS:
+        result = result_of(replace(settings, allocation=allocation), options.half, options.out, options.jobs)
+        sys.stdout.write(f"{row(result)}\n")
+
+
+if __name__ == "__main__":
+    main()
