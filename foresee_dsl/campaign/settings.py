@@ -21,7 +21,7 @@ FIRST = 1
 """Number of mutants per clip and seed in the first round."""
 
 
-class Option(NamedTuple):
+class SettingOption(NamedTuple):
     """The option of a setting on the command line.
 
     Attributes:
@@ -40,15 +40,15 @@ class Option(NamedTuple):
 
 
 OPTION = "option"
-"""Key of a field's metadata: its `Option`; None for a setting without one."""
+"""Key of a field's metadata: its `SettingOption`; None for a setting without one."""
 
 
 def option(
     help_: str, bounds: tuple[float | None, float | None] = (None, None), *, metavar: str = "",
     shows_default: bool = True, by_driver: bool = False,
-) -> Mapping[str, Option]:  # fmt: skip
-    """Return the metadata of a setting's field: its option, see `Option`."""
-    return {OPTION: Option(help_, *bounds, metavar, shows_default, by_driver)}
+) -> Mapping[str, SettingOption]:  # fmt: skip
+    """Return the metadata of a setting's field: its option, see `SettingOption`."""
+    return {OPTION: SettingOption(help_, *bounds, metavar, shows_default, by_driver)}
 
 
 @dataclass(frozen=True)

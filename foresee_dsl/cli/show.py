@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.panels import Strip
-    from foresee_dsl.report.show.sources import ShownRun, Wish
+    from foresee_dsl.report.show.sources import RunRequest, ShownRun
 
 _BOTH_WIDE = 110
 """Width of the terminal, in columns, from which two moments of a mutant and two of its parent fit side by side."""
@@ -143,16 +143,16 @@ def show(
     foresee show red_light_runner_r02_p1_m3 --step --from 2 --to 3
     foresee show 3 --gif finding.gif --criticality finding.csv[/dim]
     """
-    from foresee_dsl.report.show.sources import Wish, find
+    from foresee_dsl.report.show.sources import RunRequest, find
 
     _one_file(targets, png, svg, gif, criticality, states)
-    wish = Wish(driver, seed, campaign, allow_outside, fresh, full)
+    request = RunRequest(driver, seed, campaign, allow_outside, fresh, full)
     console = _console()
     for number, target in enumerate(targets):
         if number:
             console.print()
-        run = find(target, wish)
-        page = _page(run, wish, up, moments, console.width)
+        run = find(target, request)
+        page = _page(run, request, up, moments, console.width)
         for file in (png, svg):
             if file is not None:
                 _write(file, page.strips, page.run.story.sentence, as_png=file is png)
@@ -187,12 +187,12 @@ def _console() -> Console:
     return harmless_console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
-def _page(run: ShownRun, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
+def _page(run: ShownRun, request: RunRequest, up: UpSide, moments: int | None, width: int) -> Page:
     from foresee_dsl.report.show.moments import LEAST, MOST
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of
 
-    parent = parent_of(run, wish, lambda note: typer.echo(note, err=True))
+    parent = parent_of(run, request, lambda note: typer.echo(note, err=True))
     most = LEAST if parent is not None and width < _BOTH_WIDE else MOST
     return Page(run, parent, "ego" if up is UpSide.EGO else "north", moments or most)
 

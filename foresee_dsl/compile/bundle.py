@@ -15,7 +15,7 @@ from foresee_dsl.language.model import AtStop, Expect, MeetsState, Place, When
 if TYPE_CHECKING:
     from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.compile.roads.route_line import RouteLine
-    from foresee_dsl.compile.tracks import Track
+    from foresee_dsl.compile.tracks import FileTrack
 
 ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
 
@@ -165,7 +165,7 @@ class Playback:
             move there.
     """
 
-    track: Track
+    track: FileTrack
     start_s: float = 0.0
     timing: float = 1.0
     delay_s: float = 0.0

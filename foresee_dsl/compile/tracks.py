@@ -44,7 +44,7 @@ class TrackState(NamedTuple):
     along_m: float
 
 
-class Track:
+class FileTrack:
     """The recorded track of an actor.
 
     Args:
@@ -125,7 +125,7 @@ class Track:
         return tuple(points), marks
 
 
-def read_tracks(file: Path) -> Mapping[str, Track]:
+def read_tracks(file: Path) -> Mapping[str, FileTrack]:
     """Return the tracks of a file, by name; a file that has not changed is read once.
 
     Raises:
@@ -139,9 +139,9 @@ def read_tracks(file: Path) -> Mapping[str, Track]:
 
 
 @lru_cache(maxsize=4)
-def _tracks_of(file: Path, modified_ns: int, size: int) -> Mapping[str, Track]:
+def _tracks_of(file: Path, modified_ns: int, size: int) -> Mapping[str, FileTrack]:
     del modified_ns, size  # they are parts of the cache's key
-    tracks: dict[str, Track] = {}
+    tracks: dict[str, FileTrack] = {}
     lines = _lines_of(file)
     _check_head(lines, file)
     now_s = -math.inf
@@ -157,7 +157,7 @@ def _tracks_of(file: Path, modified_ns: int, size: int) -> Mapping[str, Track]:
             reason = "is below 0" if time_s < 0 else f"is earlier than that of the line before, {now_s:g}"
             raise _wrong(file, number, f"time_s {time_s:g} {reason}")
         now_s = time_s
-        track = tracks.setdefault(name, Track(name))
+        track = tracks.setdefault(name, FileTrack(name))
         if track.time_s and time_s <= track.end_s:
             raise _wrong(file, number, f"actor {_short(name)} has a second line for time_s {time_s:g}")
         track.add(time_s, values[1], values[2], math.radians(values[3]), values[4])

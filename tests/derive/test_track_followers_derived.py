@@ -12,7 +12,7 @@ from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.tracks import Track, read_tracks
+from foresee_dsl.compile.tracks import FileTrack, read_tracks
 from foresee_dsl.derive.clipping.fidelity import Deviation
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import operators
@@ -90,7 +90,7 @@ def states(trace: Trace, actor: str = "v117") -> np.ndarray:
     return trace.states[:, trace.index(actor)]
 
 
-def track_of(folder: Path, name: str = "117") -> Track:
+def track_of(folder: Path, name: str = "117") -> FileTrack:
     return read_tracks(folder / "cut.tracks.csv")[name]
 
 

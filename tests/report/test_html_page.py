@@ -32,7 +32,7 @@ from foresee_dsl.report.page.running import EVERY_S, RunningPage
 from foresee_dsl.report.page.runs import FailingRun, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
-from foresee_dsl.report.show.sources import Wish, find
+from foresee_dsl.report.show.sources import RunRequest, find
 from foresee_dsl.report.show.steps import recorded_steps
 from foresee_dsl.simulate.results.criticality import Measure, criticality
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -351,7 +351,7 @@ def test_the_driver_s_reasons_at_the_cursor(browser: Any, out: Path, tmp_path: P
     one = Opened(browser, tmp_path / "reasons.html")
     reasons = one.ask("foresee.player.run.raw.reasons")
     small = json.loads((out / "campaign.json").read_text())["findings"][0]["minimised"]["file"]
-    steps, same = recorded_steps(find(str(out / small), Wish(driver="idm", allow_outside=True)), every_s=0.2)
+    steps, same = recorded_steps(find(str(out / small), RunRequest(driver="idm", allow_outside=True)), every_s=0.2)
     assert same and reasons
     for step in steps:
         one.seek(step.time_s)

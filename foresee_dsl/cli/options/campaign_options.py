@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 import typer
 from typer.models import OptionInfo
 
-from foresee_dsl.campaign.settings import OPTION, CampaignSettings, Option
+from foresee_dsl.campaign.settings import OPTION, CampaignSettings, SettingOption
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
@@ -67,7 +67,7 @@ def options_of_settings(settings: type[CampaignSettings] = CampaignSettings) -> 
     kinds = get_type_hints(settings)
     options = {}
     for setting in fields(settings):
-        own: Option | None = setting.metadata.get(OPTION)
+        own: SettingOption | None = setting.metadata.get(OPTION)
         if own is None and setting.name not in SHARED:
             if OPTION in setting.metadata:
                 continue
@@ -86,7 +86,7 @@ def option_name(setting: str) -> str:
     return setting.removesuffix("_s")
 
 
-def _option(option: Option, kind: Any) -> Any:  # noqa: ANN401 - types
+def _option(option: SettingOption, kind: Any) -> Any:  # noqa: ANN401 - types
     """Return the annotation of a parameter by which typer makes an option. Lists and choices are texts at first."""
     kind = kind if kind in (int, float, str, bool) else str
     info = typer.Option(

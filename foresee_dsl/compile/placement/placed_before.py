@@ -13,7 +13,7 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.placement.spots import OnRoute
 from foresee_dsl.compile.placement.statements import path_of
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.tracks import Track
+from foresee_dsl.compile.tracks import FileTrack
 from foresee_dsl.language import model as m
 
 _MOST = 128
@@ -21,7 +21,7 @@ _MOST = 128
 which a worker counts as warm, with 32 actors each."""
 
 
-Apart = tuple[bool, bool, Track | None]
+Apart = tuple[bool, bool, FileTrack | None]
 """What a placement depends on besides the statement: whether a trigger starts the actor, whether a trigger makes it
 follow a path, and its recorded track."""
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 from foresee_dsl.compile.bundle import ModelSpec, Playback, TimedValue
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.compile.tracks import Track
+from foresee_dsl.compile.tracks import FileTrack
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 
@@ -59,7 +59,7 @@ def track_of(actor: m.Ego | m.Actor) -> m.Track | None:
     return item(actor, m.Track)
 
 
-def playback_of(actor: m.Ego | m.Actor, track: Track, spec: ModelSpec) -> Playback:
+def playback_of(actor: m.Ego | m.Actor, track: FileTrack, spec: ModelSpec) -> Playback:
     """Return how an actor with a `track` statement follows that track."""
     statement, timing, delay = track_of(actor), item(actor, m.Timing), item(actor, m.Delay)
     line, brakes, speed = item(actor, m.Line), item(actor, m.Brakes), item(actor, m.StartSpeed)

@@ -23,7 +23,7 @@ from foresee_dsl.campaign.findings.written import (
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.triage.decisions import counted_decisions
 from foresee_dsl.campaign.triage.standing import standing_of_written
-from foresee_dsl.report.page.entries import FindingEntry, Source
+from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
 from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
 from foresee_dsl.report.verdicts import counted, not_deterministic
@@ -84,7 +84,7 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
         ForeseeError: a folder does not hold a campaign.
     """
     sources = [
-        Source(folder, read_campaign_folder(folder), standing_of_written(read_written(folder), folder))
+        ReportedCampaign(folder, read_campaign_folder(folder), standing_of_written(read_written(folder), folder))
         for folder in folders
     ]
     several = len(sources) > 1
@@ -126,7 +126,7 @@ def _subtitle(campaigns: Sequence[WrittenCampaign]) -> str:
     )
 
 
-def _notes(source: Source) -> Iterator[str]:
+def _notes(source: ReportedCampaign) -> Iterator[str]:
     campaign = source.campaign
     if campaign.interrupted:
         yield f"The campaign in {source.folder} was interrupted: what was finished is shown."
@@ -160,7 +160,7 @@ def _notes(source: Source) -> Iterator[str]:
 # ---- findings -------------------------------------------------------------------------------------------------------
 
 
-def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[FindingEntry]:
+def _findings(source: ReportedCampaign, reader: Reader, *, several: bool) -> Iterator[FindingEntry]:
     failures = _failures(source)
     for record in source.campaign.findings or _each_alone(source):
         names = [name for name in (record.name, *record.siblings) if name in failures]
@@ -200,7 +200,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Find
         )
 
 
-def _minimised(source: Source, record: WrittenFinding, outcome: FailingRun) -> FailingRun | None:
+def _minimised(source: ReportedCampaign, record: WrittenFinding, outcome: FailingRun) -> FailingRun | None:
     """Return the run of a finding's minimised mutant; None if there is none, it does not fail, or its file is gone."""
     small = record.minimised
     file = source.folder / small.file if small is not None else None
@@ -223,7 +223,7 @@ def _beside(file: Path, references: Sequence[ReferenceRun]) -> tuple[tuple[str, 
     return tuple((driver, trace) for driver, trace in files if trace.is_file())
 
 
-def _failures(source: Source) -> dict[str, FailingRun]:
+def _failures(source: ReportedCampaign) -> dict[str, FailingRun]:
     """Return the failing runs of a campaign by name."""
     folder, campaign = source.folder, source.campaign
     seed = int(campaign.settings.get("seed", 0))
@@ -247,7 +247,9 @@ def _failures(source: Source) -> dict[str, FailingRun]:
     return outcomes
 
 
-def _child(source: Source, clip: ClipOutcome, child: ChildOutcome, parent: Path | None, seed: int) -> FailingRun:
+def _child(
+    source: ReportedCampaign, clip: ClipOutcome, child: ChildOutcome, parent: Path | None, seed: int
+) -> FailingRun:
     # The file of a repeated mutation, such as `case_p1_s3_m2`.
     again = child.name.rpartition("_m")[0].rpartition("_s")
     if again[0] == clip.name and again[2].isdigit():
@@ -276,7 +278,7 @@ def _failing_children(campaign: WrittenCampaign) -> Iterator[tuple[ClipOutcome, 
                 yield clip, child
 
 
-def _each_alone(source: Source) -> tuple[WrittenFinding, ...]:
+def _each_alone(source: ReportedCampaign) -> tuple[WrittenFinding, ...]:
     """Return each failure as a finding of its own, for an older `campaign.json` without findings."""
     families = {case.id: case.family for case in source.campaign.test_cases}
     failures: list[tuple[str, CaseRunOutcome | ChildOutcome, str, str | None]] = [

@@ -22,7 +22,7 @@ _LONGEST_ANCHOR = 120
 
 
 @dataclass(frozen=True)
-class Source:
+class ReportedCampaign:
     """A campaign's folder, its recorded results, and how they compare with the campaign before."""
 
     folder: Path

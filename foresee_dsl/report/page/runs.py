@@ -137,7 +137,7 @@ class Run:
         return tuple(command for _, command in self.commands)
 
 
-class Roads:
+class PageRoads:
     """The road networks of a page's runs, each once, cropped to what is near the egos' tracks."""
 
     def __init__(self) -> None:
@@ -180,7 +180,7 @@ def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> list[dict[st
 class Reader:
     """Reads the failing runs of campaigns. Each file, test case and network is read once."""
 
-    roads: Roads = field(default_factory=Roads)
+    roads: PageRoads = field(default_factory=PageRoads)
     playbacks: dict[str, dict[str, Any]] = field(default_factory=dict)
     """The playbacks of the runs that were read so far, by id."""
     plays: bool = True

@@ -12,7 +12,7 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.written import WrittenCampaign
 from foresee_dsl.campaign.records import CaseRunOutcome
-from foresee_dsl.report.page.entries import FindingEntry, Source, family_title
+from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, family_title
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
@@ -36,7 +36,7 @@ PREVENTABLE = f"preventable for {ANTICIPATING}"
 _PREVENTED = {answer.value for answer in Answer if answer.preventable}
 
 
-def overview(sources: Sequence[Source], findings: Sequence[FindingEntry]) -> Iterator[Table]:
+def overview(sources: Sequence[ReportedCampaign], findings: Sequence[FindingEntry]) -> Iterator[Table]:
     """Yield the tables at the beginning of a report."""
     several = len(sources) > 1
     yield _by("family", findings, lambda f: family_title(f.family))
@@ -80,7 +80,7 @@ def ended(case: CaseRunOutcome) -> str:
     return EXPECTATION if case.verdict is Verdict.PASS and case.broken_expectations else case.verdict.value
 
 
-def _nearest(sources: Sequence[Source]) -> Table:
+def _nearest(sources: Sequence[ReportedCampaign]) -> Table:
     """Return the runs that passed with the smallest times to collision."""
     misses: list[tuple[float, tuple[str, ...]]] = []
     for source in sources:
@@ -122,7 +122,7 @@ def _row(name: str, findings: Sequence[FindingEntry]) -> tuple[str, ...]:
     return (name, *map(str, counts))
 
 
-def numbers(sources: Sequence[Source]) -> Iterator[Table]:
+def numbers(sources: Sequence[ReportedCampaign]) -> Iterator[Table]:
     """Yield the tables with all numbers of each campaign."""
     for source in sources:
         campaign, driver = source.campaign, source.campaign.driver if len(sources) > 1 else ""

@@ -62,7 +62,7 @@ class ShownRun:
 
 
 @dataclass(frozen=True)
-class Wish:
+class RunRequest:
     """The options of `foresee show`.
 
     Attributes:
@@ -80,7 +80,7 @@ class Wish:
     full: bool = False
 
 
-def find(target: str, wish: Wish) -> ShownRun:
+def find(target: str, request: RunRequest) -> ShownRun:
     """Return the run of an address, a trace, a mutant's file or a finding's name.
 
     Raises:
@@ -88,40 +88,40 @@ def find(target: str, wish: Wish) -> ShownRun:
         DriverError: the file records a program as its driver.
     """
     if target.endswith(".npz"):
-        return _of_trace(Path(target), wish)
+        return _of_trace(Path(target), request)
     file, _ = parse_address(target)
     if not is_file(file) and "::" not in target and "/" not in target and not target.endswith(".foresee"):
-        target = _file_of_finding(target, wish)
-    return of_address(target, wish)
+        target = _file_of_finding(target, request)
+    return of_address(target, request)
 
 
-def of_address(address: str, wish: Wish) -> ShownRun:
+def of_address(address: str, request: RunRequest) -> ShownRun:
     """Return the run of a test case, a clip or a mutant: the stored run if it is up to date, else a new one."""
-    case = load_test_case(address, allow_outside=wish.allow_outside)
-    driver, seed = _driver_and_seed(case, wish)
-    if not wish.fresh:
-        for file in _stored(case, wish):
+    case = load_test_case(address, allow_outside=request.allow_outside)
+    driver, seed = _driver_and_seed(case, request)
+    if not request.fresh:
+        for file in _stored(case, request):
             trace = _same(file, case, driver, seed)
             if trace is not None:
                 return ShownRun(address, case, trace, driver, seed, Path(_relative(file.as_posix())))
-    if ":" in driver and not wish.driver:
+    if ":" in driver and not request.driver:
         raise DriverError(
             f"{case.id} was recorded with a program as its driver: {driver}. `--driver` with this address starts it"
         )
     return ShownRun(address, case, run_test_case(case, driver, seed).trace, driver, seed)
 
 
-def parent_of(run: ShownRun, wish: Wish, say: Callable[[str], None]) -> ShownRun | None:
+def parent_of(run: ShownRun, request: RunRequest, say: Callable[[str], None]) -> ShownRun | None:
     """Return the run of a mutant's clip with the same driver and seed; None if the run is not that of a mutant.
 
     Args:
-        run: the mutant's run. wish: the options of the command.
+        run: the mutant's run. request: the options of the command.
         say: is called with a note if the parent is not run because its driver is a program that was not allowed.
     """
     if run.case.mutant is None:
         return None
     address = parent_address(run.case.source.as_posix())
-    same = replace(wish, driver=run.driver, seed=run.seed, allow_outside=True)
+    same = replace(request, driver=run.driver, seed=run.seed, allow_outside=True)
     try:
         return of_address(_relative(address), same)
     except DriverError:  # there is no stored run, and a new one would start a program
@@ -131,7 +131,7 @@ def parent_of(run: ShownRun, wish: Wish, say: Callable[[str], None]) -> ShownRun
         return None
 
 
-def _of_trace(path: Path, wish: Wish) -> ShownRun:
+def _of_trace(path: Path, request: RunRequest) -> ShownRun:
     try:
         trace = Trace.load(path)
     except ValueError as err:
@@ -141,7 +141,7 @@ def _of_trace(path: Path, wish: Wish) -> ShownRun:
     if not address:
         raise ForeseeError(f"{path} does not state its test case; `foresee run FILE --out DIR` writes traces that do")
     file = _relative(_locate(address, path))
-    case = load_test_case(file, allow_outside=wish.allow_outside)
+    case = load_test_case(file, allow_outside=request.allow_outside)
     recorded = str(meta.get("meaning", ""))
     if recorded != case.meaning:
         raise ForeseeError(
@@ -165,14 +165,14 @@ def _locate(address: str, trace: Path) -> str:
     return address
 
 
-def _stored(case: TestCase, wish: Wish) -> Iterator[Path]:
+def _stored(case: TestCase, request: RunRequest) -> Iterator[Path]:
     """Yield the existing files in which campaigns store the run's trace: in the folder of the given campaign, and in
     that of the campaign whose folder contains the test case's file.
     """
     beside = case.source.with_suffix(".npz")  # the trace of a minimised finding is in this folder
     if is_file(beside):
         yield beside
-    folders = [wish.campaign, *(above for above in case.source.parents if (above / "traces").is_dir())]
+    folders = [request.campaign, *(above for above in case.source.parents if (above / "traces").is_dir())]
     for folder in dict.fromkeys(folders):
         file = folder / "traces" / f"{case_name(case)}.npz"
         if is_file(file):
@@ -202,17 +202,17 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
     return meta.get("tool") == __version__ and version in ("", meta.get("driver_version"))
 
 
-def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
+def _driver_and_seed(case: TestCase, request: RunRequest) -> tuple[str, int]:
     recorded, seed = recorded_run(case.mutant.origin if case.mutant is not None else None)
-    return wish.driver or recorded, seed if wish.seed is None else wish.seed
+    return request.driver or recorded, seed if request.seed is None else request.seed
 
 
-def _file_of_finding(name: str, wish: Wish) -> str:
+def _file_of_finding(name: str, request: RunRequest) -> str:
     """Return the address of a finding, or of another failure of a campaign; if the finding was minimised, that of the
     minimised mutant.
     """
-    finding = find_failure(name, wish.campaign, tests=True)
-    return ((not wish.full and finding.minimised) or finding.file).as_posix()
+    finding = find_failure(name, request.campaign, tests=True)
+    return ((not request.full and finding.minimised) or finding.file).as_posix()
 
 
 def _relative(address: str) -> str:
