@@ -2,37 +2,32 @@
 
 The simple scene is 10 s in the middle of a drive through the bundled town, with 20 other actors, restored from a clip.
 libsumo alone loads the same moment from its own saved state, and steps. The same comparison is made for clips of the
-bundled library, with pedestrians, conditions and signals. Each is measured with the compiled reader of the plug-in
-`foresee-native`, where it works, and with libsumo's Python functions.
+bundled library, with pedestrians, conditions and signals.
 """
 
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import libsumo
-from foresee_native import NativeReader
 
 from benchmarks import library
+from benchmarks.bound import compiled_reader, run_bound
 from benchmarks.figures import Figure, costs, cpu_of
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, VehicleLimits
-from foresee_dsl.errors import SimulationError
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.moved_bodies import MATCH_M, degrees
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.trace import HEADING, STEP_S, Trace, X, Y
-from foresee_dsl.simulate.vehicle_reader import VARIABLE
+from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 ROUNDS = 12
@@ -60,8 +55,7 @@ scenario busy {{
   end after 20 s
 }}
 """
-_BARE, _GETTERS, _LIBRARY, _BOUND, _SLOWEST_PDM = 1.6, 1.3, 2.0, 1.4, 350.0
-_BARE_PYTHON, _LIBRARY_PYTHON = 1.9, 2.5  # without the compiled reader
+_BARE, _BOUND, _GETTERS, _LIBRARY, _SLOWEST_PDM = 1.9, 1.4, 1.3, 2.5, 350.0
 """Targets (docs/background/performance.md)."""
 LIBRARY_ROUNDS = 5
 
@@ -85,88 +79,57 @@ def figures() -> Iterator[Figure]:
         child = child_of(Path(folder))
         state = _state_of(child, Path(folder))
         steps = round(CHILD_S / STEP_S)
-        trace = run(child, Nothing(), seed=0).trace
+        trace = run(child, PdmDriver(), seed=0).trace  # a worker's first run is slower
         works = {
-            "child": lambda: _cpu_of_run(child, Nothing(), compiled=True),
-            "pdm": lambda: _cpu_of_run(child, PdmDriver(), compiled=True),
-            "child in Python": lambda: _cpu_of_run(child, Nothing(), compiled=False),
-            "pdm in Python": lambda: _cpu_of_run(child, PdmDriver(), compiled=False),
+            "child": lambda: cpu_of(lambda: run(child, Nothing(), seed=0)),
             "bare": lambda: cpu_of(lambda: _bare(state, steps, reads=False)),
             "getters": lambda: cpu_of(lambda: _bare(state, steps, reads=True)),
+            "pdm": lambda: cpu_of(lambda: run(child, PdmDriver(), seed=0)),
         }
-        if _reads_compiled():
-            works["bound"] = lambda: cpu_of(lambda: _bound(state, trace))
+        read = compiled_reader(Path(folder))
+        if read is not None:
+            works["bound"] = lambda: cpu_of(lambda: run_bound(state, trace, read))
         taken = costs(works, ROUNDS)
         World.close_shared()
     # The minimum counts, because other programs on the machine only add to the cost.
     least = {name: min(kinds[0]) for name, kinds in taken.items()}
     means = "a child of 10 s with 20 actors and a driver that does nothing, over libsumo"
-    python = "; without compiled reader"
     yield Figure("child_vs_bare", least["child"] / least["bare"], "ratio", means, _BARE)
-    ratio = least["child in Python"] / least["bare"]
-    yield Figure("child_vs_bare_python", ratio, "ratio", f"{means}{python}", _BARE_PYTHON)
-    ratio = least["child"] / least["getters"]
-    yield Figure("child_vs_getters", ratio, "ratio", f"{means} that reads all vehicles", _GETTERS)
+    yield Figure(
+        "child_vs_getters", least["child"] / least["getters"], "ratio", f"{means} that reads all vehicles", _GETTERS
+    )
     if "bound" in least:
-        means = f"{means} that reads all vehicles by compiled code and moves the ego"
-        yield Figure("child_vs_bound", least["child"] / least["bound"], "ratio", means, _BOUND)
-    means = "simulated seconds a second of CPU: the same child with pdm"
+        bound = f"{means} that reads all vehicles by compiled code and moves the ego"
+        yield Figure("child_vs_bound", least["child"] / least["bound"], "ratio", bound, _BOUND)
     rate = CHILD_S / least["pdm"]
+    means = "simulated seconds a second of CPU: the same child with pdm"
     yield Figure("simulated_s_per_wall_s_pdm", rate, "ratio", means, _SLOWEST_PDM, more=True)
-    rate = CHILD_S / least["pdm in Python"]
-    yield Figure("simulated_s_per_wall_s_pdm_python", rate, "ratio", f"{means}{python}", more=True)
-    clips, ratios = library_ratios(library.clips())
+    clips, ratio = library_ratio(library.clips())
     means = (
         f"CPU of {clips} clips of the bundled library with pdm, over libsumo that reads all vehicles at these moments"
     )
-    yield Figure("library_child_vs_getters", ratios[0], "ratio", means, _LIBRARY)
-    yield Figure("library_child_vs_getters_python", ratios[1], "ratio", f"{means}{python}", _LIBRARY_PYTHON)
+    yield Figure("library_child_vs_getters", ratio, "ratio", means, _LIBRARY)
     yield Figure("child_s", least["child"], "s", "a child, reset included")
     yield Figure("bare_s", least["bare"], "s", "libsumo: loading a state, and stepping")
 
 
-def library_ratios(clips: Iterable[SumoBundle]) -> tuple[int, tuple[float, float]]:
-    """Return the number of clips, and the cost of their runs with `pdm` over that of libsumo: with and without
-    the compiled reader.
-
-    libsumo starts from the same first frames, takes as many steps and reads all vehicles. The minimum of each clip is
-    summed.
-    """
-    compiled, python, bare = [], [], []
+def library_ratio(clips: Iterable[SumoBundle]) -> tuple[int, float]:
+    """Return the number of clips, and the cost of their runs with `pdm` over that of libsumo, which starts from the
+    same first frames, takes as many steps and reads all vehicles; the minimum of each clip is summed."""
+    ours, bare = [], []
     for child in clips:
         with tempfile.TemporaryDirectory() as folder:
-            steps = run(child, PdmDriver(), seed=0).steps
+            steps = run(child, PdmDriver(), seed=0).steps  # a worker's first run is slower
             state = _state_of(child, Path(folder))
             works = {
-                "compiled": lambda child=child: _cpu_of_run(child, PdmDriver(), compiled=True),
-                "python": lambda child=child: _cpu_of_run(child, PdmDriver(), compiled=False),
+                "ours": lambda child=child: cpu_of(lambda: run(child, PdmDriver(), seed=0)),
                 "bare": lambda state=state, steps=steps: cpu_of(lambda: _bare(state, steps, reads=True)),
             }
             taken = costs(works, LIBRARY_ROUNDS)
-        compiled.append(min(taken["compiled"][0]))
-        python.append(min(taken["python"][0]))
+        ours.append(min(taken["ours"][0]))
         bare.append(min(taken["bare"][0]))
     World.close_shared()
-    return len(bare), (sum(compiled) / sum(bare), sum(python) / sum(bare))
-
-
-def _cpu_of_run(child: SumoBundle, driver: Driver, *, compiled: bool) -> float:
-    """Return the CPU time of a run, s; the first run with a reader is slower and is not measured."""
-    setting = "1" if compiled else "0"
-    if os.environ.get(VARIABLE) != setting:
-        World.close_shared()  # a world uses one reader as long as it exists
-        os.environ[VARIABLE] = setting
-        run(child, driver, seed=0)
-    return cpu_of(lambda: run(child, driver, seed=0))
-
-
-def _reads_compiled() -> bool:
-    """Return whether the compiled reader works on this machine."""
-    try:
-        NativeReader()
-    except SimulationError:
-        return False
-    return True
+    return len(ours), sum(ours) / sum(bare)
 
 
 def child_of(folder: Path) -> SumoBundle:
@@ -200,20 +163,3 @@ def _bare(state: Path, steps: int, *, reads: bool) -> None:
         for name in vehicle.getIDList() if reads else ():
             for read in reading:
                 read(name)
-
-
-def _bound(state: Path, trace: Trace) -> None:
-    """Let libsumo load a state and step; before each step move the ego as in a run, after it read all vehicles with
-    compiled code.
-    """
-    vehicle, reader, ego = libsumo.vehicle, NativeReader(), trace.actors[0]
-    poses = trace.states[:, 0, [X, Y, HEADING]].tolist()
-    libsumo.simulation.loadState(str(state))
-    for x, y, heading in poses[1:]:
-        front_x, front_y = x + ego.length_m / 2 * math.cos(heading), y + ego.length_m / 2 * math.sin(heading)
-        vehicle.moveToXY(ego.id, "", -1, front_x, front_y, degrees(heading), 2, MATCH_M)
-        libsumo.simulationStep()
-        if reader.read() is None:
-            here = vehicle.getIDList()
-            reader.follow(here, here)
-            reader.read()

@@ -28,7 +28,6 @@ BESIDE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "foresee_dsl.drivers": ("fusion", "fusion_safe"),
         "foresee_dsl.raster_views": ("birds_eye", "forward"),
     },
-    "native": {"foresee_dsl.vehicle_readers": ("native",)},
     "recordings": {
         "foresee_dsl.commands": ("mine",),
         "foresee_dsl.exporters": ("commonroad", "fcd", "levelx"),

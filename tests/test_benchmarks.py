@@ -22,9 +22,9 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 
 ASKED = {
-    "child_vs_bare": "at most 1.6",
+    "child_vs_bare": "at most 1.9",
     "child_vs_getters": "at most 1.3",
-    "library_child_vs_getters": "at most 2",
+    "library_child_vs_getters": "at most 2.5",
     "simulated_s_per_wall_s_pdm": "at least 350",
     "forecast_share": "at most 0.03",
     "two_worker_speedup": "at least 1.85",

@@ -225,12 +225,6 @@ def _report_formats() -> str:
     return ", ".join(f"{entry.name} ({package_of(entry)})" for entry in REPORT_FORMATS.entries()) or "none"
 
 
-def _vehicle_reader() -> str:
-    from foresee_dsl.simulate.vehicle_reader import description
-
-    return description()
-
-
 def _whole_line() -> str:
     from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.files import data_folder
@@ -269,6 +263,5 @@ _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("drivers", _drivers, "uninstall or repair the package in the message"),
     ("commands of plug-ins", _commands, "uninstall or repair the package in the message"),
     ("report formats of plug-ins", _report_formats, "uninstall or repair the package in the message"),
-    ("reader of SUMO's vehicles", _vehicle_reader, "uninstall or repair the package in the message"),
     ("a bundled scenario runs", _whole_line, "run it by `foresee run` with FORESEE_DEBUG=1 and report the output"),
 )

@@ -27,7 +27,7 @@ from foresee_dsl.simulate.moved_bodies import MATCH_M, MovedBodies, degrees, edg
 from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.sumo_start import EmptyState, options
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.vehicle_reader import reader_for
+from foresee_dsl.simulate.vehicle_reader import VehicleReader
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -119,7 +119,7 @@ class World:
         # The usual headway and gap of vehicles with an order to keep a gap.
         self._usual: dict[str, tuple[float, float]] = {}
         self._styled: set[str] = set()  # the types of vehicles with a style
-        self._reader = reader_for(self._sumo, self._errors)
+        self._reader = VehicleReader(self._sumo, self._errors)
         self.bodies = MovedBodies(self._sumo, self._errors, self._route, self._reader)
         try:
             self._sumo.simulation.start(["sumo", *options(bundle)])
