@@ -70,15 +70,25 @@ class Responsibility:
     reason: str
 
     @property
+    def word(self) -> str:
+        """Return whose failure it is, as a word."""
+        return self.whose.value
+
+    @property
     def text(self) -> str:
+        """Return whose failure it is, in words."""
+        return self.whose.text
+
+    @property
+    def sentence(self) -> str:
         """Return the judgement with its reason, such as `the driver's fault: skip stands, and the ego drives
         into it`.
         """
-        return f"{self.whose.text}: {self.reason}"
+        return f"{self.text}: {self.reason}"
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {"word": self.whose, "text": self.whose.text, "reason": self.reason}
+        return {"word": self.whose, "text": self.text, "reason": self.reason}
 
 
 def responsibility_of(

@@ -118,7 +118,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         chips = [text(chip) for chip in article.xpath(".//p[@class='chips']/span")]
         assert text(article.xpath(".//h2")[0]) == story.sentence
         assert text(item.xpath(".//span[@class='what']")[0]) == f"{finding.number}. {finding.title}"
-        assert text(article.xpath(".//p[@class='judgement']")[0]) == finding.responsibility.text
+        assert text(article.xpath(".//p[@class='judgement']")[0]) == finding.responsibility.sentence
         assert chips[0] == str(finding.number)
         assert chips[1].startswith(finding.verdict.value) and chips[2] == story.contact.value
         assert chips[3:5] == [f"R157: {answers[0][1]}", f"anticipating: {answers[1][1]}"]
@@ -154,7 +154,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
             judgement = finding.responsibility
             assert f"**{judgement.whose.text}**: {judgement.reason}" in section
         review = " ".join(foresee("review", finding.name, "--campaign", out).stdout.split())
-        judged = f"Judgement: {finding.responsibility.text}"
+        judged = f"Judgement: {finding.responsibility.sentence}"
         assert f"{finding.verdict.value}, {story.contact.value} {judged} {story.sentence} " in review
         for answer in answers:
             assert ": ".join(answer) in review

@@ -111,10 +111,17 @@ def read_campaign_folder(folder: Path) -> WrittenCampaign:
     Raises:
         ForeseeError: the file is missing, or a campaign did not write it.
     """
-    written = read_written(folder)
+    written, file = read_written(folder), folder / JSON
     if not written:
-        raise ForeseeError(f"{folder / JSON} does not exist: `foresee campaign PATH --out {folder}` writes it")
-    return read_record(WrittenCampaign, written)
+        raise ForeseeError(f"{file} does not exist: `foresee campaign PATH --out {folder}` writes it")
+    try:
+        return read_record(WrittenCampaign, written)
+    except KeyError as err:
+        raise ForeseeError(_lacks(file, err.args[0])) from err
+    except (TypeError, ValueError) as err:
+        raise ForeseeError(
+            f"{file} was not written by a campaign of this version ({err}): run the campaign again"
+        ) from err
 
 
 def campaign_folders(folder: Path) -> tuple[Path, ...]:
@@ -169,8 +176,11 @@ class _Object(dict[str, Any]):
         self._file = file
 
     def __missing__(self, key: str) -> Any:  # noqa: ANN401 - it always raises
-        raise ForeseeError(f"{self._file} lacks {key!r} where a campaign of this version writes it: run the campaign "
-                           "again")  # fmt: skip
+        raise ForeseeError(_lacks(self._file, key))
+
+
+def _lacks(file: Path, key: str) -> str:
+    return f"{file} lacks {key!r} where a campaign of this version writes it: run the campaign again"
 
 
 @cache

@@ -98,12 +98,12 @@ class FindingEntry:
     @property
     def judgement_word(self) -> str:
         """Return whose failure it is, as a word; "" without a judgement."""
-        return self.judgement.whose.value if self.judgement is not None else ""
+        return self.judgement.word if self.judgement is not None else ""
 
     @property
     def judgement_text(self) -> str:
         """Return whose failure it is, in words; "" without a judgement."""
-        return self.judgement.whose.text if self.judgement is not None else ""
+        return self.judgement.text if self.judgement is not None else ""
 
     @property
     def judgement_reason(self) -> str:
