@@ -270,7 +270,7 @@ def test_a_campaign_without_failures_has_a_page(browser: Any, tmp_path: Path) ->
     assert "Nothing failed" in one.page.inner_text("#findings")
     one.page.keyboard.press("j")
     one.page.click("nav a[href='#overview']")
-    assert one.page.is_visible("#overview caption")
+    one.page.wait_for_selector("#overview caption", timeout=10_000)  # raises if it does not become visible
     one.close()
 
 
