@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from foresee_dsl.campaign.allocation.adaptive import Adaptive
 from foresee_dsl.campaign.allocation.draws import ClipGroup, PastChild, Way
+from foresee_dsl.campaign.allocation.earlier import EarlierMutants
 from foresee_dsl.campaign.allocation.facts import ChildFacts
 from foresee_dsl.campaign.allocation.rounds import METHODS
 from foresee_dsl.campaign.allocation.stories import Archive, Estimates, Stories
@@ -18,6 +20,8 @@ from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.findings.review import review_of
 from foresee_dsl.campaign.plan import plan_campaign
+from foresee_dsl.campaign.regression.keeping import keep
+from foresee_dsl.campaign.regression.sources import source_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
@@ -123,6 +127,33 @@ def test_failures_of_an_earlier_campaign_are_run_first(
         campaign(file, tmp_path / "other", replace(STORIES, first_from="nowhere"))
     with pytest.raises(ForeseeError, match="no failing mutants"):
         campaign(file, tmp_path / "other", replace(STORIES, first_from=file.parent.as_posix()))
+
+
+def test_kept_failures_are_earlier_failures(
+    done: tuple[Path, Path, CampaignResult, HeardRounds], tmp_path: Path
+) -> None:
+    _, out, result, _ = done
+    failing = next(child for clip in result.clips for child in clip.failing)
+    keep([source_of(failing.name, out, full=True)], tmp_path / "kept")
+    earlier = EarlierMutants.in_folder(tmp_path / "kept", but=out)
+    clip = next(clip for clip in result.clips if failing in clip.failing)
+    (request,) = earlier.requests(clip.text)
+    assert parse(request.near, "x").model.changes == parse(failing.text, "x").model.changes
+
+
+def test_a_folder_from_elsewhere_is_not_left(
+    done: tuple[Path, Path, CampaignResult, HeardRounds], tmp_path: Path
+) -> None:
+    """A mutant of a received folder must not make the tool read another file of this machine."""
+    _, out, result, _ = done
+    failing = next(child for clip in result.clips for child in clip.failing)
+    (tmp_path / "private.foresee").write_text("a secret")
+    (tmp_path / "received").mkdir()
+    text = re.sub(r'of "[^"]+"', 'of "../private.foresee"', failing.text)
+    (tmp_path / "received" / "m.foresee").write_text(text)
+    with pytest.raises(ForeseeError, match="lies outside") as error:
+        EarlierMutants.in_folder(tmp_path / "received", but=out)
+    assert "secret" not in str(error.value)
 
 
 def past(clip: str, story: str = "", *, avoided: bool = False, way: str = "steer", rank: int = 1) -> PastChild:

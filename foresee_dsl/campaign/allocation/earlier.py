@@ -19,7 +19,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.model import Change, Clip, Mutant, Quantity
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.addresses import SUFFIX, absolute
+from foresee_dsl.language.project.addresses import SUFFIX, absolute, is_inside
 
 WITHIN_S = 2.0
 """Largest time between the beginnings of two clips in which the same changes are run, s. Ours: as `APART_S` of the
@@ -60,7 +60,7 @@ class EarlierMutants:
         `but`: the folder of the campaign that asks, which it will replace.
 
         Raises:
-            ForeseeError: there is no such folder, it has no failing mutant, or it is `but`.
+            ForeseeError: there is no such folder, it has no failing mutant, it is `but`, or a clip lies outside it.
             InputError: a file in it has errors.
         """
         if absolute(folder) == absolute(but):
@@ -69,7 +69,7 @@ class EarlierMutants:
             )
         if not folder.is_dir():
             raise ForeseeError(f"there is no folder {folder}: name the folder of a campaign, or of kept failures")
-        earlier = cls(_failures(sorted(folder.rglob(f"*{SUFFIX}"), key=lambda file: ("children" in file.parts, file))))
+        earlier = cls(_failures(folder))
         if not earlier.count:
             raise ForeseeError(f"{folder} has no failing mutants: name the folder of a campaign, or of kept failures")
         return earlier
@@ -91,12 +91,15 @@ class EarlierMutants:
         )
 
 
-def _failures(files: Iterable[Path]) -> Iterator[tuple[Mutant, Clip]]:
-    for file in files:
+def _failures(folder: Path) -> Iterator[tuple[Mutant, Clip]]:
+    for file in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda file: ("children" in file.parts, file)):
         mutant = load(file).model
         if not isinstance(mutant, Mutant) or mutant.origin is None or not mutant.origin.found:
             continue
-        clip = load(file.parent / mutant.parent).model
+        above = absolute(file.parent / mutant.parent)
+        if not is_inside(above, (folder,)):  # the folder may come from elsewhere
+            raise ForeseeError(f"{file}: its clip '{mutant.parent}' lies outside {folder}, which must hold all clips")
+        clip = load(above).model
         if isinstance(clip, Clip):
             yield mutant, clip
 
