@@ -23,6 +23,7 @@ from foresee_dsl.language.project.loading import load_test_case
 
 ASKED = {
     "child_vs_bare": "at most 1.9",
+    "child_vs_bound": "at most 1.4",
     "child_vs_getters": "at most 1.3",
     "library_child_vs_getters": "at most 2.5",
     "simulated_s_per_wall_s_pdm": "at least 350",
@@ -107,6 +108,7 @@ def test_a_measured_campaign_says_its_time_runs_and_memory(monkeypatch: pytest.M
 
 def test_the_engines_targets_are_what_was_asked_for() -> None:
     assert f"at most {bench_engine._BARE:g}" == ASKED["child_vs_bare"]
+    assert f"at most {bench_engine._BOUND:g}" == ASKED["child_vs_bound"]
     assert f"at most {bench_engine._GETTERS:g}" == ASKED["child_vs_getters"]
     assert f"at most {bench_engine._LIBRARY:g}" == ASKED["library_child_vs_getters"]
     assert f"at least {bench_engine._SLOWEST_PDM:g}" == ASKED["simulated_s_per_wall_s_pdm"]

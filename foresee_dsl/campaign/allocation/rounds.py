@@ -121,7 +121,6 @@ class Rounds:
     def __init__(self, stages: Steps, seeds: tuple[StepNode, ...]) -> None:
         """Begin with the first round, in which each clip gets its first mutants."""
         self._stages, self.seeds = stages, seeds
-        self._method = METHODS[stages.settings.allocation]
         self.number = 1
         self.nodes: list[StepNode] = []
         """Mutation steps that the later rounds requested."""
@@ -149,7 +148,8 @@ class Rounds:
 
     def next(self) -> tuple[StepNode, ...]:
         """Begin the next round and return its first steps; empty if no mutants are left to allocate or to draw."""
-        units, of = self._units(), self._method.rounds
+        units, method = self._units(), METHODS[self._stages.settings.allocation]
+        of = method.rounds
         total = self._stages.settings.children * len(units)
         allocated = sum(len(unit.drawn) for unit in units)
         if self.number >= of or allocated >= total:
@@ -161,7 +161,7 @@ class Rounds:
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, self.number])))
         self.number += 1
         budget = RoundBudget(self.number, of, count, MOST * self._stages.settings.children, rng)
-        self._method.give_out(clip_draws(units, self._facts), past, budget)
+        method.give_out(clip_draws(units, self._facts), past, budget)
         asking = [unit for unit in units if unit.wanted]
         nodes = tuple(self._stages.further(unit.clip, unit.step, unit.round_request(self.number)) for unit in asking)
         self.nodes += nodes

@@ -83,12 +83,8 @@ class SearchRounds(Rounds):
     """The rounds of a search in one test case: in turn the clips and the mutants that it proposes."""
 
     def __init__(self, stages: SearchStages, seed: StepNode, search: Search, budget_s: float) -> None:
-        """Begin before the first proposal.
-
-        The base class would look up how a campaign divides its mutants among clips, which a search does not.
-        """
-        self._stages, self.seeds, self.nodes = stages, (seed,), []
-        self.number, self.begun, self.finished = 1, [], False
+        """Begin before the first proposal."""
+        super().__init__(stages, (seed,))
         self._search_stages, self._search, self._budget_s = stages, search, budget_s
         self._mutants = 0
         self._spent_s: dict[str, float] = {}
