@@ -9,6 +9,7 @@ covariance is stored. All objects are advanced together, in arrays. Tracks depen
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import chain
@@ -65,6 +66,8 @@ no driver relies on a green light that has become red."""
 _PACES = 256
 """Number of times between object lists for which values are kept. Ours: rounding makes some twenty of each."""
 
+_SCAN = struct.Struct("6d")
+"""The layout of a `kernel.Scan`: packing one takes a third of the time of an assignment to the record."""
 _MEASURED = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 _KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
 
@@ -130,6 +133,7 @@ class Tracker:
         self._state = np.empty((0, 8))
         self._sightings = np.empty(0, kernel.SIGHTING)
         self._scan = np.empty(1, kernel.SCAN)
+        self._scan_numbers = self._scan.view(np.float64)
         self._numbers: list[int] = []
         self._kinds: list[ActorClass] = []
         self._named: tuple[tuple[int, ...], tuple[ActorClass, ...]] = (), ()
@@ -167,7 +171,7 @@ class Tracker:
             return self._present(time_s, measured_s)
         # The usual case, a list without new objects, takes one call of a kernel.
         gains, fades = _pace(passed_s)
-        self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, fades
+        _SCAN.pack_into(self._scan_numbers, 0, ego.x, ego.y, measured_s, passed_s, time_s, fades)
         table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
         if lost_s <= COAST_S:
             return Tracks(table, *self._named)
@@ -189,7 +193,7 @@ class Tracker:
         rows = self._begin(seen, rows, measured_s)
         if had_tracks:
             gains, fades = _pace(passed_s)
-            self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, fades
+            _SCAN.pack_into(self._scan_numbers, 0, ego.x, ego.y, measured_s, passed_s, time_s, fades)
             which = np.array(rows, dtype=np.int64)
             kernel.correct(self._state, self._sightings, which, seen.measured, self._scan, gains)
         self._some_lost = len(rows) < len(self._numbers)

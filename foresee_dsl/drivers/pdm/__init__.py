@@ -20,26 +20,20 @@ from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracks
+from foresee_dsl.kernels.compiling import direct
 from foresee_dsl.kernels.pdm.decision import decide, hold, steer
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
 
 
-class _Plan(NamedTuple):
-    """The decision that follows from the object list of `measured_s`: the lateral offset to reach, m, and the
-    acceleration, m/s^2.
-    """
+class _Decision(NamedTuple):
+    """A decision: the time of its object list, the lateral offset to reach and the acceleration; and its input."""
 
     measured_s: float
     offset_m: float
     acceleration_mps2: float
-
-
-class _Basis(NamedTuple):
-    """The input from which the last decision was computed."""
-
-    observation: Observation | None = None
-    tracks: Tracks | None = None
-    signals: Mapping[str, SignalColour] | None = None
+    observation: Observation
+    tracks: Tracks
+    signals: Mapping[str, SignalColour]
 
 
 class _State:
@@ -53,11 +47,12 @@ class _State:
         self._egos = ego_record(vehicle)
         self._numbers, self._strongest_mps2 = self._egos.view(np.float64), float(self._egos["strongest"][0])
         self._tracker, self._signals, self._memory = memory.tracker, memory.signals, memory
-        self._plan: _Plan | None = None
-        self._vehicle, self._basis = vehicle, _Basis()
+        self._last: _Decision | None = None
+        self._vehicle = vehicle
         self._road = route.points, route.coarse, route.foes, route.paths, route.junctions
         self._braking = signal_brakings(route, self._strongest_mps2, {})
-        self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
+        self._decide, self._hold = direct(decide), direct(hold)
+        self._explained: tuple[_Decision | None, tuple[Reason, ...]] = (None, ())
 
     def step(self, observation: Observation) -> Control:
         """Decide again if the object list is new, otherwise continue the last decision.
@@ -65,45 +60,44 @@ class _State:
         The standard sensors give a new list every second step, which fits PDM's planning at 10 Hz.
         """
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        route, egos, plan = self._route, self._egos, self._plan
+        route, egos, last = self._route, self._egos, self._last
         write_state(self._numbers, observation.ego)
-        if plan is not None and measured_s == plan.measured_s:
-            return Control(*hold(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
+        if last is not None and measured_s == last.measured_s:
+            return Control(*self._hold(egos, route.points, route.coarse, last.offset_m, last.acceleration_mps2))
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        if signals != self._basis.signals:
+        if last is None or signals != last.signals:
             self._braking = signal_brakings(route, self._strongest_mps2, signals)
         futures = self._memory.futures(tracks, TIMES_S)
-        offset, acceleration, answer = decide(egos, tracks.table, *self._road, self._braking, futures)
-        self._plan = _Plan(measured_s, offset, acceleration)
-        self._basis = _Basis(observation, tracks, signals)
+        offset, acceleration, answer = self._decide(egos, tracks.table, *self._road, self._braking, futures)
+        self._last = _Decision(measured_s, offset, acceleration, observation, tracks, signals)
         return Control(*answer)
 
     def planned(self) -> PlannedMotion | None:
         """Return the acceleration of the decision in force, and the wheel angle that leads to its offset."""
-        if self._plan is None:
+        if self._last is None:
             return None
-        angle = float(steer(self._egos, self._route.points, self._plan.offset_m))
-        return PlannedMotion(self._plan.acceleration_mps2, angle)
+        angle = float(steer(self._egos, self._route.points, self._last.offset_m))
+        return PlannedMotion(self._last.acceleration_mps2, angle)
 
     def explain(self) -> Sequence[Reason]:
         """Return the reasons for the last answer: decide once more for each signal and object alone (`reasons`)."""
         # Imported here, because driving does not need it.
         from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone
 
-        observation, tracks, signals = self._basis
-        if observation is None or tracks is None:
+        last, route = self._last, self._route
+        if last is None:
             return ()
-        if self._explained[0] is self._basis:  # the object list is not new, so the last decision stays in force
+        if self._explained[0] is last:  # the object list is not new, so the last decision stays in force
             return self._explained[1]
-        route = self._route
-        now = read_situation(route, self._vehicle, observation, tracks, signals)
+        tracks = last.tracks
+        now = read_situation(route, self._vehicle, last.observation, tracks, last.signals)
 
         def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
             braking = signal_brakings(route, self._strongest_mps2, colours)
             offset, acceleration, _ = decide(ego_now(now), others.table, *self._road, braking, NO_FUTURES)
             return Wish(acceleration, offset)
 
-        self._explained = self._basis, reasons_alone(now, tracks, decided)
+        self._explained = last, reasons_alone(now, tracks, decided)
         return self._explained[1]
 
 
