@@ -133,7 +133,7 @@ class Tracker:
         self._state = np.empty((0, 8))
         self._sightings = np.empty(0, kernel.SIGHTING)
         self._scan = np.empty(1, kernel.SCAN)
-        self._scan_numbers = self._scan.view(np.float64)
+        self._scan_memory = self._scan.view(np.float64).data
         self._numbers: list[int] = []
         self._kinds: list[ActorClass] = []
         self._named: tuple[tuple[int, ...], tuple[ActorClass, ...]] = (), ()
@@ -171,7 +171,7 @@ class Tracker:
             return self._present(time_s, measured_s)
         # The usual case, a list without new objects, takes one call of a kernel.
         gains, fades = _pace(passed_s)
-        _SCAN.pack_into(self._scan_numbers, 0, ego.x, ego.y, measured_s, passed_s, time_s, fades)
+        _SCAN.pack_into(self._scan_memory, 0, ego.x, ego.y, measured_s, passed_s, time_s, fades)
         table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
         if lost_s <= COAST_S:
             return Tracks(table, *self._named)
@@ -193,7 +193,7 @@ class Tracker:
         rows = self._begin(seen, rows, measured_s)
         if had_tracks:
             gains, fades = _pace(passed_s)
-            _SCAN.pack_into(self._scan_numbers, 0, ego.x, ego.y, measured_s, passed_s, time_s, fades)
+            _SCAN.pack_into(self._scan_memory, 0, ego.x, ego.y, measured_s, passed_s, time_s, fades)
             which = np.array(rows, dtype=np.int64)
             kernel.correct(self._state, self._sightings, which, seen.measured, self._scan, gains)
         self._some_lost = len(rows) < len(self._numbers)

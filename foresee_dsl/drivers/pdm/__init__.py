@@ -39,13 +39,13 @@ class _Decision(NamedTuple):
 class _State:
     """The state of the driver from one `reset` to the next.
 
-    It holds the route, the ego's record [1] and the view of that record as floats, the tracks and the signals.
+    It holds the route, the ego's record [1] and the memory of that record as floats, the tracks and the signals.
     """
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
         route = self._route = build_route(mission, vehicle)
         self._egos = ego_record(vehicle)
-        self._numbers, self._strongest_mps2 = self._egos.view(np.float64), float(self._egos["strongest"][0])
+        self._numbers, self._strongest_mps2 = self._egos.view(np.float64).data, float(self._egos["strongest"][0])
         self._tracker, self._signals, self._memory = memory.tracker, memory.signals, memory
         self._last: _Decision | None = None
         self._vehicle = vehicle

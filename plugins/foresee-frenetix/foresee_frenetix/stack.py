@@ -229,7 +229,7 @@ class TrackingController:
         self.wanted: PlannedMotion | None = None
         """The acceleration and the wheel angle of the last step."""
         self._egos = ego_record(vehicle)
-        self._numbers = self._egos.view(np.float64)
+        self._numbers = self._egos.view(np.float64).data
 
     def follow(self, plan: Plan, state: EgoState, time_s: float) -> Control:
         """Return the control that keeps the car on the plan."""

@@ -86,7 +86,7 @@ class Expert:
         """Begin a run; `others`: the models of the other actors in their order."""
         self._mission = mission
         self._route, self._egos = build_route(mission, vehicle), ego_record(vehicle)
-        self._numbers, self._strongest = self._egos.view(np.float64), float(self._egos["strongest"][0])
+        self._numbers, self._strongest = self._egos.view(np.float64).data, float(self._egos["strongest"][0])
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._others, self._chosen = others, np.empty((1, FRAMES), ROLLED)
         self._offset = self._acceleration = 0.0
