@@ -61,6 +61,7 @@ class FailingRun:
         parent_trace: the trace's file of the test case from which a mutant was derived.
         beside: traces of reference drivers in the same situation, by driver.
         minimised: for a minimised mutant, how it was minimised. unreduced: the file of the mutant before that.
+        why_made: why the mutant was made, in a sentence; "" if its file does not say.
     """
 
     name: str
@@ -74,6 +75,7 @@ class FailingRun:
     beside: tuple[tuple[str, Path], ...] = ()
     minimised: WrittenMinimised | None = None
     unreduced: Path | None = None
+    why_made: str = ""
 
     @property
     def verdict(self) -> str:
