@@ -32,7 +32,7 @@ from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import load_ranker
-from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Campaign, Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
 from foresee_dsl.language.model.campaign import Seeds

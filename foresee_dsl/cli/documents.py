@@ -40,7 +40,7 @@ from foresee_dsl.drivers.registry import DriverInfo
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import DerivedFile
 from foresee_dsl.report.page.contents import Contents

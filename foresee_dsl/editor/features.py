@@ -22,6 +22,7 @@ from foresee_dsl.editor.server import TOKEN_TYPES
 from foresee_dsl.editor.session import SOURCE, Session, with_help
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.language.codes import NEED_THE_NETWORK
 from foresee_dsl.language.parser import format_text
 
 # Numbers of the protocol (3.17): CompletionItemKind, SymbolKind.
@@ -206,7 +207,7 @@ def code_actions(session: Session, params: Json) -> list[Json]:
         if diagnostic.get("source") != SOURCE:
             continue
         span = places.span(diagnostic["range"])
-        check = partial(check_text, placed=str(diagnostic.get("code", "")) in _PLACED)
+        check = partial(check_text, placed=str(diagnostic.get("code", "")).startswith(NEED_THE_NETWORK))
         meant = _meant(diagnostic, span, check(session.text(uri)))
         offered = fixes(meant, span, places, check, adapt) if meant is not None else ()
         for k, fix in enumerate(offered):
@@ -228,15 +229,6 @@ def _meant(sent: Json, span: Span, diagnostics: Iterable[Diagnostic]) -> Diagnos
         key=lambda diagnostic: abs(diagnostic.span.line - span.line) if diagnostic.span is not None else 0,
         default=None,
     )
-
-
-def _placed_codes() -> frozenset[str]:
-    from foresee_dsl.compile import codes
-
-    return frozenset(value for name, value in vars(codes).items() if name.isupper() and isinstance(value, str))
-
-
-_PLACED = _placed_codes()
 
 
 def semantic_tokens(session: Session, params: Json) -> Json:

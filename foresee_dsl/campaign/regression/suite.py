@@ -13,7 +13,6 @@ from foresee_dsl.drivers.registry import driver_names, name_in, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.document import Document
@@ -71,7 +70,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
             kind = a.kind_of(file)
             message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
             help = "write a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
-            raise a.mistake(c.WRONG_KIND, message, help, a.display_path(file))
+            raise a.mistake("FS132", message, help, a.display_path(file))
         collected += tests
     return tuple(collected)
 

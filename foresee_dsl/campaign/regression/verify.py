@@ -31,7 +31,6 @@ from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside, write_whole
-from foresee_dsl.language.codes.names import STALE_PIN
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
@@ -263,7 +262,7 @@ def _why_stale(derived: DerivedFile | None) -> str | None:
     if derived is None:
         return None
     if derived.state in (State.CONFLICT, State.BLOCKED):
-        messages = [mistake.message for mistake in derived.mistakes if mistake.code != STALE_PIN]
+        messages = [mistake.message for mistake in derived.mistakes if mistake.code != "FS135"]
         return f"it no longer fits its parent: {messages[0]}" if messages else None
     if not derived.has_old_parent or derived.old is None or derived.new is None:
         return "git has no version of the parent with this pin, so that the edit is unknown"

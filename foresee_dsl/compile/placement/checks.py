@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.spots import Spot, UnsettledError
@@ -53,14 +52,14 @@ def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) 
         if away > OFF_ROUTE_M:
             how_far = measured(f"{away:.1f}") + " m" if math.isfinite(away) else "nowhere"
             message = f"{placed.id} is off the road: the nearest lane for a {kind} is " + how_far + " away"
-            yield Problem(placed.id, at, codes.OFF_ROAD, message, _nearest_road(placed.x, placed.y, network))
+            yield Problem(placed.id, at, "FS253", message, _nearest_road(placed.x, placed.y, network))
         return
     far = network.far_from_lanes(((placed.x, placed.y), *placed.path), NEAR_ROAD_M)
     if far is not None:
         x, y = far
         spot = "(" + measured(f"{x:.1f}") + " m, " + measured(f"{y:.1f}") + " m)"
         message = f"{placed.id} is off the road: " + spot + f" is over {NEAR_ROAD_M:.0f} m from every lane"
-        yield Problem(placed.id, at, codes.OFF_ROAD, message, _nearest_road(x, y, network))
+        yield Problem(placed.id, at, "FS253", message, _nearest_road(x, y, network))
     wall = network.wall_on_the_way(placed.path or ((placed.x, placed.y),))
     if wall is not None:
         x, y = wall
@@ -72,7 +71,7 @@ def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) 
             + " m)"
         )
         help_ = "lead it around the building, or make the building smaller"
-        yield Problem(placed.id, at, codes.IN_WALL, message, help_)
+        yield Problem(placed.id, at, "FS259", message, help_)
 
 
 def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:
@@ -94,7 +93,7 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
             + " km/h"
         )
         help_ = "use at most " + write(f"{math.floor(most)} km/h") + ", or a faster model"
-        yield Problem(placed.id, at, codes.TOO_FAST, message, help_)
+        yield Problem(placed.id, at, "FS256", message, help_)
 
 
 def of_overlaps(
@@ -119,7 +118,7 @@ def of_overlaps(
                     f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
                 )
                 help_ += _farther(actors.get(placed[k].id), placed[k], placed[j])
-                yield Problem(placed[k].id, "start_at", codes.OVERLAP, message, help_)
+                yield Problem(placed[k].id, "start_at", "FS254", message, help_)
                 pairs += 1
                 if pairs == _MOST_NAMED + _MOST_COUNTED:
                     return
@@ -145,7 +144,7 @@ def few(problems: Iterable[Problem]) -> tuple[Problem, ...]:
         if len(left) == 1:
             named += left
             continue
-        least = "at least " if code == codes.OVERLAP and len(left) >= _MOST_COUNTED else ""
+        least = "at least " if code == "FS254" and len(left) >= _MOST_COUNTED else ""
         message = least + measured(f"{len(left):,}") + " more errors of this kind: the last is that " + left[-1].message
         named.append(replace(left[-1], message=message, help="correct the errors above, and check again"))
     return tuple(named)
@@ -272,14 +271,14 @@ class NameChecks:
             pieces = self._network.pieces(road)
             if not pieces:
                 message: MessageText = f"there is no edge called {road}"
-                yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(road, self._network.edges), road)
+                yield Problem("", kind, "FS251", message, did_you_mean(road, self._network.edges), road)
                 return
             most = max(len(self._network.edges[piece].drivable) for piece in pieces)
             where = f"{road} has no lane " + measured(f"{number}") + ": it"
         if number > most:
             count, noun = (most, "lane" if most == 1 else "lanes") if part.road is not None else (number, "lanes")
             message = where + " has " + measured(f"{count}") + f" {noun}"
-            yield Problem("", kind, codes.PLACE, message, f"lanes are counted from 1 to {most}", part=part.number)
+            yield Problem("", kind, "FS252", message, f"lanes are counted from 1 to {most}", part=part.number)
 
     def _within(self, kind: str, part: m.Within) -> Iterator[Problem]:
         if isinstance(part.of, m.Named):
@@ -287,14 +286,14 @@ class NameChecks:
             if name not in self._actors and not self._network.is_junction(name):
                 names = (*self._actors, *self._network.junctions, *self._network.rings)
                 message = f"there is no actor and no junction called {name}"
-                yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, names), name)
+                yield Problem("", kind, "FS251", message, did_you_mean(name, names), name)
         elif not isinstance(part.of, m.Point | m.OfActor):  # these depend on their actor's position during the run
             try:
                 spot = self._spot(part.of)
             except UnsettledError:
                 return  # the error is reported at the actor to which the place refers
             except RouteError as err:
-                yield Problem("", kind, codes.PLACE, err.message, err.help, part=part.of)
+                yield Problem("", kind, "FS252", err.message, err.help, part=part.of)
             else:
                 self.places[part.of] = (spot.x, spot.y)
 
@@ -311,12 +310,12 @@ class NameChecks:
                 if stage
                 else did_you_mean(_OTHER_COLOURS.get(state, state), m.SIGNAL_COLOURS)
             )
-            yield Problem("", kind, codes.UNKNOWN, message, help, state)
+            yield Problem("", kind, "FS251", message, help, state)
         elif not self._case.snapshot:  # in a clip the actor may have passed the junction
             actor = placed.get(part.actor)
             if actor is not None and (over := _misses(actor, junction)):
                 message = f"the route of {part.actor} does not go over {junction}"
-                yield Problem("", kind, codes.PLACE, message, "it goes over " + over, junction)
+                yield Problem("", kind, "FS252", message, "it goes over " + over, junction)
 
     def _action(self, kind: str, action: m.Action, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         match action:
@@ -351,7 +350,7 @@ class NameChecks:
         yield from bad
         if not bad and self._signals[junction].phase_of(stage, action.light) is None:
             message = f"the stage {stage} at {junction} has no {action.light} of its own"
-            yield Problem("", kind, codes.UNKNOWN, message, "write " + write(f"{junction} turns to {stage}"), stage)
+            yield Problem("", kind, "FS251", message, "write " + write(f"{junction} turns to {stage}"), stage)
 
     def _limit(self, kind: str, action: m.Limit) -> Iterator[Problem]:
         name = word_of(action.road)
@@ -359,11 +358,11 @@ class NameChecks:
         lanes = max((len(edge.drivable) for edge in edges), default=0)
         if not edges:
             message: MessageText = f"there is no edge called {name}"
-            yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, self._network.edges), name)
+            yield Problem("", kind, "FS251", message, did_you_mean(name, self._network.edges), name)
         elif action.lane is not None and si_of(action.lane) > lanes:
             has = f"{name} has " + measured(f"{lanes}") + (" lanes" if lanes > 1 else " lane")
             message = has + ", so there is no lane " + measured(f"{si_of(action.lane):g}")
-            yield Problem("", kind, codes.PLACE, message, "lanes count from 1, the rightmost for cars", name)
+            yield Problem("", kind, "FS252", message, "lanes count from 1, the rightmost for cars", name)
 
     def _stop(self, kind: str, action: m.StopsAt, actor: PlacedActor | None) -> Iterator[Problem]:
         """Yield a problem if the place at which an actor should stop does not exist or is not on its way."""
@@ -375,7 +374,7 @@ class NameChecks:
         try:
             place = self._network.stop(where.stop)
         except RouteError as err:
-            code = codes.UNKNOWN if stop is None else codes.PLACE
+            code = "FS251" if stop is None else "FS252"
             yield Problem("", kind, code, str(err), err.help, where.stop)
             return
         if stop is None:
@@ -383,7 +382,7 @@ class NameChecks:
         if place.bay and (why := self._not_for(action.actor, actor)):
             message = f"{action.actor} cannot stop in the bay of {stop.name}: {why}"
             help = "name the place beside the bay: " + write(f"{action.actor} stops at {_beside(stop)}")
-            yield Problem("", kind, codes.PLACE, message, help, stop.name)
+            yield Problem("", kind, "FS252", message, help, stop.name)
             return
         yield from self._on_the_way(kind, m.AlongEdge(edge=stop.road, at=stop.at), actor, stop.name, stop=stop)
 
@@ -406,7 +405,7 @@ class NameChecks:
         except UnsettledError:
             return  # the error is reported at the actor to which the place refers
         except RouteError as err:
-            yield Problem("", kind, codes.PLACE, err.message, err.help, about)
+            yield Problem("", kind, "FS252", err.message, err.help, about)
             return
         if stop is not None:
             self.places[m.AtStop(stop=stop.name)] = spot.x, spot.y
@@ -425,7 +424,7 @@ class NameChecks:
             yield Problem(
                 "",
                 kind,
-                codes.PLACE,
+                "FS252",
                 f"{actor.id} does not pass {what}: its way is " + measured(f"{off_m:.0f}") + " m away from it",
                 help,
                 about,
@@ -440,14 +439,12 @@ class NameChecks:
         if not action.edges or actor is None:
             return
         if actor.model.kind not in WHEELS:
-            yield Problem(
-                "", kind, codes.NO_WAY, f"{actor.id} cannot join the traffic", "leave out " + write("then joins")
-            )
+            yield Problem("", kind, "FS257", f"{actor.id} cannot join the traffic", "leave out " + write("then joins"))
         elif end is not None:
             try:
                 joined_way(self._network, action.edges, end, lane_kind(actor.model))
             except RouteError as err:
-                yield Problem("", kind, codes.ROUTE, err.message, err.help, action.actor)
+                yield Problem("", kind, "FS250", err.message, err.help, action.actor)
 
     def _stage(self, kind: str, junction: str, stage: str) -> Iterator[Problem]:
         signal = self._signals.get(junction)
@@ -459,7 +456,7 @@ class NameChecks:
                     "no junction has a signal: write " + write("signals") + " and stages where the junction is defined"
                 )
             field = ("shows" if kind != "signal" else "signal", "junction")
-            yield Problem("", kind, codes.UNKNOWN, message, help, junction, field=field)
+            yield Problem("", kind, "FS251", message, help, junction, field=field)
         elif stage not in signal.stages:
             message = f"the signal at {junction} has no stage called {stage}"
             help = "its stages are " + one_of(signal.stages)
@@ -467,12 +464,12 @@ class NameChecks:
                 help += "; for the colour that it shows to an actor, write " + write(
                     f"ego.signal({junction}) is {stage}"
                 )
-            yield Problem("", kind, codes.UNKNOWN, message, help, stage)
+            yield Problem("", kind, "FS251", message, help, stage)
 
     def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:
         if not self._network.is_junction(junction):
             message = f"there is no junction called {junction}"
-            yield Problem(actor, at, codes.UNKNOWN, message, did_you_mean(junction, self._network.junctions), junction)
+            yield Problem(actor, at, "FS251", message, did_you_mean(junction, self._network.junctions), junction)
 
     def _meetings(self, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         """Yield a problem for each meeting at a junction that is not on both actors' routes."""
@@ -494,7 +491,7 @@ def _meeting(
         actor = placed.get(member)
         if actor is not None and (over := _misses(actor, junction)):
             message = f"{name} cannot meet {item.other} at {junction}: {member} does not go over it"
-            yield Problem(owner, at, codes.NO_MEETING, message, f"{member} goes over " + over, junction)
+            yield Problem(owner, at, "FS258", message, f"{member} goes over " + over, junction)
 
 
 def _beside(stop: m.BusStop) -> str:

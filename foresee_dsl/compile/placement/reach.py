@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 
-from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.roads.polyline import XY, Points, distance_to
 from foresee_dsl.compile.roads.topology import Topology
@@ -41,7 +40,7 @@ def never_near(
             if off > si_of(part.distance) + room:
                 away = measured(f"{off:.0f}") + " m away"
                 message = f"{actor.id} never comes within that distance: its way remains " + away
-                yield Problem("", kind, codes.NEVER_NEAR, message, "name a place that its way passes", part=part.of)
+                yield Problem("", kind, "FS330", message, "name a place that its way passes", part=part.of)
 
 
 def _conditions(scenario: m.Scenario) -> Iterator[tuple[str, m.Condition]]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import (
     ModelSpec,
     PlacedActor,
@@ -93,7 +92,7 @@ class SceneBuilder:
                 self._actors[actor.name] = actor
             else:
                 message = f"there is no model {model}"
-                self._add(actor.name, "model", codes.UNKNOWN, message, did_you_mean(model, specs))
+                self._add(actor.name, "model", "FS251", message, did_you_mean(model, specs))
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
         self._playbacks = self._read_playbacks()
         self._starts = StartSearch(network, self._actors, self._spec_of, self._playbacks)
@@ -121,17 +120,17 @@ class SceneBuilder:
         try:
             tracks = read_tracks(self._case.tracks) if self._case.tracks is not None else {}
         except TracksError as err:
-            self._add("", "use_tracks", codes.TRACK, str(err), "correct the file, or write it again")
+            self._add("", "use_tracks", "FS261", str(err), "correct the file, or write it again")
             return {}
         playbacks: dict[str, Playback] = {}
         for name, statement in statements.items():
             track = tracks.get(statement.name)
             if track is None:
                 help_ = did_you_mean(statement.name, tracks) or "write the name of an actor in the tracks file"
-                self._add(name, "track", codes.TRACK, f"there is no track called {statement.name}", help_)
+                self._add(name, "track", "FS261", f"there is no track called {statement.name}", help_)
             elif si(statement.start) > track.end_s and not isinstance(self._actors[name], m.Ego):
                 message = f"the track {statement.name} ends at {track.end_s:g} s, so {name} would never be there"
-                self._add(name, "track", codes.TRACK, message, "let it begin earlier, or " + remove("remove the actor"))
+                self._add(name, "track", "FS261", message, "let it begin earlier, or " + remove("remove the actor"))
             else:
                 playbacks[name] = playback_of(self._actors[name], track, self._spec_of[name])
         return playbacks
@@ -229,7 +228,7 @@ class SceneBuilder:
             except UnsettledError:
                 continue  # the error is reported at the actor to which the place refers
             except RouteError as err:
-                self._problems.append(Problem("", item_.kind, codes.PLACE, err.message, err.help, part=item_.place))
+                self._problems.append(Problem("", item_.kind, "FS252", err.message, err.help, part=item_.place))
             else:
                 patches.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
         return patches
@@ -245,7 +244,7 @@ class SceneBuilder:
                     + " m from its middle"
                 )
                 help_ = "put it on a lane, such as " + write("20 m along ego.route") + ", or make it larger"
-                yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
+                yield Problem("", "slippery", "FS331", message, help_, patch.name)
 
     def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
         """Yield a problem for each path that touches no lane and no sidewalk, so its actor meets no other actor."""
@@ -264,7 +263,7 @@ class SceneBuilder:
                 help_ = "lead it onto a road, such as " + write(
                     "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
                 )
-                yield Problem(actor.id, path.kind, codes.BESIDE_ALL_ROADS, message, help_)
+                yield Problem(actor.id, path.kind, "FS332", message, help_)
 
     @property
     def slippery(self) -> tuple[SlipperyPatch, ...]:
@@ -288,10 +287,10 @@ class SceneBuilder:
         except CircleError as err:
             if err.members not in self._circles:
                 self._circles.add(err.members)
-                self._add(actor, at, codes.PLACE, err.message, err.help)
+                self._add(actor, at, "FS252", err.message, err.help)
             return None
         except RouteError as err:
-            code = codes.PLACE if at in ("start_at", "path", "path_along", "goal") else codes.ROUTE
+            code = "FS252" if at in ("start_at", "path", "path_along", "goal") else "FS250"
             self._add(actor, at, code, err.message, err.help)
             return None
 
@@ -314,9 +313,7 @@ class SceneBuilder:
         routed = route_of(actor) is not None
         placed: PlacedActor | None = None
         if isinstance(actor, m.Ego) and not routed:
-            self._add(
-                name, "", codes.NO_WAY, "the ego has no route", "add " + write("route from south straight over j4")
-            )
+            self._add(name, "", "FS257", "the ego has no route", "add " + write("route from south straight over j4"))
         elif routed and spec.kind in WHEELS:
             at = "route" if item(actor, m.StartAt) is None or self._route_fails(name) else "start_at"
             if (start := self._try(name, at, lambda: self._starts.on_route(name))) is not None:
@@ -330,7 +327,7 @@ class SceneBuilder:
             route = route_of(actor)
             road = word_of(route.start if isinstance(route, m.Route) else route.edges[0]) if route is not None else ""
             help_ = "a pedestrian follows a path, such as " + write(f"path [10 m along {road}, 30 m along {road}]")
-            self._add(name, "route", codes.NO_WAY, f"{name} cannot follow a route", help_)
+            self._add(name, "route", "FS257", f"{name} cannot follow a route", help_)
         elif (pose := self._try(name, "start_at", lambda: self._starts.still(name))) is not None:
             placed = PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
         if placed is not None:
@@ -397,7 +394,7 @@ class SceneBuilder:
     def _edges_to_join(self, actor: m.Ego | m.Actor, spec: ModelSpec, joins: m.Joins) -> tuple[str, ...]:
         """Return the edges along which an actor drives when it has left its track."""
         if spec.kind not in WHEELS:
-            self._add(actor.name, "joins", codes.NO_WAY, f"{actor.name} cannot join the traffic", remove("remove it"))
+            self._add(actor.name, "joins", "FS257", f"{actor.name} cannot join the traffic", remove("remove it"))
             return ()
         route = m.EdgeRoute(edges=joins.edges, shortest=True)
         return self._try(actor.name, "joins", lambda: self._network.route_edges(route, lane_kind(spec))) or ()
@@ -408,7 +405,7 @@ class SceneBuilder:
             self._add(
                 actor.name,
                 "joins",
-                codes.NO_WAY,
+                "FS257",
                 f"{actor.name} cannot join the traffic",
                 "end its path where it stays",
             )
@@ -484,13 +481,13 @@ class SceneBuilder:
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
             message = "the goal is " + measured(f"{abs(lateral):.1f}") + " m off the ego's route"
-            self._add("ego", "goal", codes.GOAL, message, "write it like " + write("goal 40 m past j4 on ego.route"))
+            self._add("ego", "goal", "FS255", message, "write it like " + write("goal 40 m past j4 on ego.route"))
         elif goal <= start and not self._case.snapshot:
             message = "the goal is " + measured(f"{start - goal:.1f}") + " m behind the ego's start"
             self._add(
                 "ego",
                 "goal",
-                codes.GOAL,
+                "FS255",
                 message,
                 "put it in front, or " + remove("remove it") + ": then the goal is the end of the route",
             )
@@ -503,8 +500,8 @@ def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
 
     If there are many problems of one kind, most of them are left out.
     """
-    routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
-    unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)
+    routes = {(problem.message, problem.help) for problem in problems if problem.code == "FS250"}
+    unlike = (p for p in problems if p.code == "FS250" or (p.message, p.help) not in routes)
     return checks.few(dict.fromkeys(unlike))
 
 

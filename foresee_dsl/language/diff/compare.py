@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.matching import match, means_nothing, renames
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of
@@ -43,7 +42,7 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
     if type(a) is not type(b):
         message = f"'{a.name}' is a {a.kind}, but '{b.name}' is a {b.kind}"
         help = "compare two files of one kind, or a clip or mutant with its expanded parent"
-        raise mistake(c.DIFFERENT_KINDS, message, help, "")
+        raise mistake("FS140", message, help, "")
     after, names = renames(a, b)
     place = _Place("", (), _group_of_file(a))
     renamings = (
