@@ -138,7 +138,7 @@ def test_files_are_opened_in_one_place() -> None:
     own = {
         "files.py",  # the helper itself
         "disk_cache.py", "kernels/compiling.py", "compile/nets/cache.py", "compile/nets/network_builder.py",
-        "compile/templates.py", "compile/foreign/networks.py", "compile/foreign/crosswalks.py",
+        "compile/templates.py", "compile/foreign/networks.py",
         "simulate/sumo_start.py", "campaign/import_closure.py", "campaign/keys.py", "campaign/steps/inputs.py",
         "campaign/folder.py",
         "campaign/profiling/tasks.py", "campaign/execution/processes.py", "campaign/storage/soundness.py",

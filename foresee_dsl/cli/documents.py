@@ -28,8 +28,8 @@ from foresee_dsl.campaign.regression.keeping import Report as Kept
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.maintenance import MergeCounts, Statistics, Swept
-from foresee_dsl.campaign.triage.changes import CampaignChange
 from foresee_dsl.campaign.triage.decisions import Decision
+from foresee_dsl.campaign.triage.history import CampaignChange
 from foresee_dsl.campaign.triage.standing import Standing
 from foresee_dsl.cli.about import Finding as Examined
 from foresee_dsl.cli.options.common import SCHEMA_NUMBERS

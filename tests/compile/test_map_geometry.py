@@ -9,8 +9,7 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.geometry_faults import faults_of
-from foresee_dsl.compile.foreign.geometry_lines import rounded
-from foresee_dsl.compile.foreign.geometry_repair import geometry_of, repair_geometry
+from foresee_dsl.compile.foreign.geometry_repair import geometry_of, repair_geometry, rounded
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.safe_xml import parse_net

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.campaign.regression.expectations import Status, expected_in, in_words, judge, names_of
-from foresee_dsl.campaign.regression.layout import role_of
-from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
+from foresee_dsl.campaign.regression.suite import SuiteTest, role_of, suite_of
 from foresee_dsl.campaign.regression.verify import reached
 from foresee_dsl.drivers.consent import allow, refuse_programs
 from foresee_dsl.errors import InputError
