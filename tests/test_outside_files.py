@@ -148,7 +148,7 @@ def test_files_are_opened_in_one_place() -> None:
     }  # fmt: skip
     readers = (".read_bytes()", ".read_text(", '.open("rb")', "np.load(", "zlib.decompress(", "GzipFile(", "ZipFile(")
     allowed = {
-        ("simulate/npz.py", "ZipFile("),
+        ("simulate/trace.py", "ZipFile("),
         ("compile/nets/safe_xml.py", "GzipFile("),
         ("fmi/instance.py", "ZipFile("),  # bytes from read_outside; the unpacked size is limited too
         ("campaign/storage/store.py", '.open("rb")'),  # the head of a database that SQLite opened before

@@ -45,8 +45,7 @@ from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import DerivedFile
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.unfired import UnfiredTrigger
-from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, UnfiredTrigger, Verdict
 
 _STANDING = {"standing": NotRequired[shape(Standing)]}
 """The key that `foresee campaign` prints but `campaign.json` does not have, with its type."""

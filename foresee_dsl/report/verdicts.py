@@ -10,8 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.simulate.results.unfired import UnfiredTrigger
-from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, UnfiredTrigger, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000

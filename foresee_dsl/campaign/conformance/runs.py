@@ -21,8 +21,7 @@ from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, 
 from foresee_dsl.drivers.registry import handover_of
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 
 _AHEAD_M = 8.0
 """Distance of the point of the route towards which a driver is expected to steer, m. Ours: two car lengths, which a

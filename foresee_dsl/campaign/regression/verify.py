@@ -36,8 +36,7 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Hang, Verdict
+from foresee_dsl.simulate.results.verdict import Hang, RunRecord, Verdict
 
 LONGEST_S = 300.0
 """Longest simulated time of a run, s; the deadline of its process follows from this. Ours: no test case of the library

@@ -10,7 +10,6 @@ from foresee_dsl.language.model.actors import *
 from foresee_dsl.language.model.campaign import *
 from foresee_dsl.language.model.conditions import *
 from foresee_dsl.language.model.derived import *
-from foresee_dsl.language.model.expected import *
 from foresee_dsl.language.model.item import *
 from foresee_dsl.language.model.network import *
 from foresee_dsl.language.model.scenario import *

@@ -16,8 +16,7 @@ from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_run
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import RunResult
+from foresee_dsl.simulate.results.verdict import RunRecord, RunResult
 from foresee_dsl.story import tell
 
 Sections = tuple[tuple[str, str], ...]
