@@ -7,10 +7,11 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
-from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
+from foresee_dsl.language.model.actors import Actor, Ego, Traffic
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
+from foresee_dsl.language.model.triggers import When
 from foresee_dsl.language.model.values import (
     ActorName,
     Expression,
