@@ -43,7 +43,7 @@ LIMITS = MappingProxyType(
                 "netconvert-memory",
                 450,
                 "MB",
-                "memory of netconvert, or of SUMO while it loads a map, plus the same again for each 5 MB of the map (Linux)",
+                "memory of netconvert, or of SUMO while it loads a map, plus as much for each 5 MB of the map (Linux)",
             ),
             # A CARLA town takes 0.2 to 3 s on a slow core; a run of a minute hangs.
             Limit("netconvert-time", 60, "s", "wall time of one start of netconvert, or of SUMO that loads a map"),

@@ -8,18 +8,17 @@ from functools import cache, partial
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
-from foresee_dsl.editor.answers.expression_results import results
 from foresee_dsl.editor.answers.fixes import fixes, with_names_of
 from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.completion import Suggestion, complete
 from foresee_dsl.editor.diagnosing import find, find_alone
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import hover as hover_of
+from foresee_dsl.editor.hover import results
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.protocol.rpc import Json, RequestError
-from foresee_dsl.editor.protocol.uris import is_file, path_of
 from foresee_dsl.editor.server import TOKEN_TYPES
-from foresee_dsl.editor.session import SOURCE, Session, with_help
+from foresee_dsl.editor.session import SOURCE, Session, is_file, path_of, with_help
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.codes import NEED_THE_NETWORK

@@ -24,8 +24,7 @@ from foresee_dsl.campaign.regression.expectations import (
     names_of,
 )
 from foresee_dsl.campaign.regression.index import write_index
-from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
-from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
+from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
@@ -36,8 +35,7 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Hang, Verdict
+from foresee_dsl.simulate.results.verdict import Hang, RunRecord, Verdict
 
 LONGEST_S = 300.0
 """Longest simulated time of a run, s; the deadline of its process follows from this. Ours: no test case of the library

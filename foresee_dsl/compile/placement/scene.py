@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -11,16 +11,14 @@ from foresee_dsl.compile.bundle import (
     ModelSpec,
     PlacedActor,
     Playback,
-    RecordedState,
     Scene,
     Signal,
     SlipperyPatch,
-    Steering,
 )
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
-from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
+from foresee_dsl.compile.placement.name_checks import NameChecks
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
 from foresee_dsl.compile.placement.reach import never_near
@@ -28,20 +26,22 @@ from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Un
 from foresee_dsl.compile.placement.starts import StartSearch
 from foresee_dsl.compile.placement.statements import (
     WHEELS,
+    cruise_of,
     item,
     items,
     lane_kind,
     path_of,
     playback_of,
+    recorded_state,
     route_of,
     si,
+    steering_of,
     timed,
     track_of,
 )
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY, line_of
+from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.roads.walkways import Walk, walkways
 from foresee_dsl.compile.tracks import TracksError, read_tracks
 from foresee_dsl.errors import MessageText, measured
@@ -154,7 +154,7 @@ class SceneBuilder:
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, self._actors, clip=self._case.snapshot)
         self._problems += door_problems(self._case.scenario, placed)
-        return placed, start_s, goal_s, _each_once(self._problems)
+        return placed, start_s, goal_s, checks.each_once(self._problems)
 
     def warnings(self) -> tuple[Problem, ...]:
         """Return warnings about what is permitted but probably not intended.
@@ -163,8 +163,11 @@ class SceneBuilder:
             PlacementError: as `place`.
         """
         placed, _, _ = self.place()
-        warnings = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
-        return checks.few(dict.fromkeys((*warnings, *self._beside_all_roads(placed))))
+        warnings = (
+            *never_near(self._case.scenario, placed, self._names.places, self._network),
+            *checks.of_slippery(self._patches, self._network),
+        )
+        return checks.few(dict.fromkeys((*warnings, *checks.of_paths(placed, self._actors, self._network))))
 
     def build(self) -> Scene:
         """Return the scene with background traffic; actors of the traffic for which there is no room are left out.
@@ -232,38 +235,6 @@ class SceneBuilder:
             else:
                 patches.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
         return patches
-
-    def _off_road(self) -> Iterator[Problem]:
-        """Yield a problem for each slippery patch that does not touch a lane, so that no vehicle drives over it."""
-        for patch in self._patches:
-            away = min(self._network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
-            if away > patch.radius_m:
-                message = (
-                    f"{patch.name} lies beside the road: the nearest lane is "
-                    + measured(f"{away:.1f}")
-                    + " m from its middle"
-                )
-                help_ = "put it on a lane, such as " + write("20 m along ego.route") + ", or make it larger"
-                yield Problem("", "slippery", "FS331", message, help_, patch.name)
-
-    def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-        """Yield a problem for each path that touches no lane and no sidewalk, so its actor meets no other actor."""
-        for actor in placed:
-            path = path_of(self._actors[actor.id])
-            if path is None or not actor.path:
-                continue
-            kinds: tuple[LaneKind, ...] = ("car", "bus", "bicycle", "pedestrian")
-            away = min(self._network.distance_to_lanes(x, y, kind) for x, y in line_of(actor.path).xy for kind in kinds)
-            if away > actor.model.width_m / 2:
-                message = (
-                    f"the path of {actor.id} comes to no road: the nearest lane is "
-                    + measured(f"{away:.1f}")
-                    + " m from it"
-                )
-                help_ = "lead it onto a road, such as " + write(
-                    "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
-                )
-                yield Problem(actor.id, path.kind, "FS332", message, help_)
 
     @property
     def slippery(self) -> tuple[SlipperyPatch, ...]:
@@ -348,13 +319,13 @@ class SceneBuilder:
     def _on_route(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnRoute) -> PlacedActor:
         ego = isinstance(actor, m.Ego)
         limits = [self._network.edges[edge].drivable[0].speed_mps for edge in at.edges]
-        cruise_mps = _cruise(actor, spec, max(limits) if ego else min(limits))
+        cruise_mps = cruise_of(actor, spec, max(limits) if ego else min(limits))
         pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
         placed = PlacedActor(actor.name, spec, "ego" if ego else "sumo", *pose, cruise_mps=cruise_mps)
         return self._with_statements(actor, replace(placed, lane=at.lane, route=at.edges, line=at.line))
 
     def _on_path(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnPath) -> PlacedActor:
-        cruise_mps = _cruise(actor, spec, PATH_LIMIT_MPS)
+        cruise_mps = cruise_of(actor, spec, PATH_LIMIT_MPS)
         pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
         placed = PlacedActor(actor.name, spec, "path", *pose, path=at.path, along_m=at.along_m, cruise_mps=cruise_mps)
         joins = item(actor, m.Joins)
@@ -447,8 +418,8 @@ class SceneBuilder:
             strays=timed(line.left, line) if line is not None and later else None,
             brakes=timed(brakes.braking, brakes) if brakes is not None else None,
             playback=self._playbacks.get(actor.name),
-            recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
-            steering=_steering(steers) if steers is not None else None,
+            recorded=tuple(map(recorded_state, items(actor, m.Recorded))) if placed.control == "ego" else (),
+            steering=steering_of(steers) if steers is not None else None,
             guided=actor.name in self._guided,
             backs_mps=max(-si(state.speed), 0.0) if state is not None else 0.0,
             ignores=tuple(
@@ -492,39 +463,6 @@ class SceneBuilder:
                 "put it in front, or " + remove("remove it") + ": then the goal is the end of the route",
             )
         return start, goal
-
-
-def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
-    """Return the problems without those that only repeat the error of a route: every place along a wrong route has the
-    same error.
-
-    If there are many problems of one kind, most of them are left out.
-    """
-    routes = {(problem.message, problem.help) for problem in problems if problem.code == "FS250"}
-    unlike = (p for p in problems if p.code == "FS250" or (p.message, p.help) not in routes)
-    return checks.few(dict.fromkeys(unlike))
-
-
-def _cruise(actor: m.Ego | m.Actor, spec: ModelSpec, limit_mps: float) -> float:
-    statement = item(actor, m.CruiseSpeed)
-    return si(statement.speed) if statement is not None else cruise_speed(spec, limit_mps)
-
-
-def _recorded(statement: m.Recorded) -> RecordedState:
-    state = statement.state
-    return RecordedState(
-        time_s=si(statement.time),
-        x=si(state.at.x),
-        y=si(state.at.y),
-        heading_rad=si(state.heading),
-        speed_mps=max(si(state.speed), 0.0),
-        acceleration_mps2=si(state.acceleration),
-        steer_rad=si(state.steer),
-    )
-
-
-def _steering(steers: m.Steers) -> Steering:
-    return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))
 
 
 def _arrives(condition: m.Condition) -> bool:

@@ -1,8 +1,9 @@
-"""Joins an extension with the scenario that it extends: applies its additions, changes and drops."""
+"""Joins an extension with the scenario that it extends: applies its additions, changes and drops, and recalculates the
+parameters whose defaults have changed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -18,6 +19,7 @@ from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.traversal import walk
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 _SINGLE = ("ego", "network", "use_tracks", "weather", "end")
@@ -98,10 +100,9 @@ class _Joiner:
     def _settle_again(self) -> None:
         if not (self._document.calculates or self._parent.calculates):
             return
-        from foresee_dsl.language.project.stated import settled_again
 
         try:
-            self._body = settled_again(self._extension.name, self._body, self._moved_to)
+            self._body = _settled_again(self._extension.name, self._body, self._moved_to)
         except ExpressionError as error:
             item = error.item if not isinstance(error.item, m.Assignment) else self._extension
             self._findings.add(item, "name", "FS063", error.message, "write another value")
@@ -292,3 +293,47 @@ def _called(item: m.Item) -> str:
 def _named_by(item: m.Item) -> str:
     """Return the field with a statement's name, which a diagnostic underlines; "" for the whole statement."""
     return "name" if getattr(item, "name", None) and not isinstance(item, m.Ego) else ""
+
+
+_T = TypeVar("_T", bound=m.Item)
+_Moved = Callable[[m.Item, m.Item], None]
+"""A function that is called for every replaced item with (old item, new item)."""
+
+
+def _settled_again(name: str, body: Sequence[m.ScenarioItem], moved: _Moved) -> tuple[m.ScenarioItem, ...]:
+    """Return the statements of a scenario, with the values of its parameters recalculated; the same statements if none
+    are calculated.
+
+    Raises:
+        ExpressionError: a calculation has no result with these defaults.
+    """
+    from foresee_dsl.language.arithmetic.cases import case_values, references
+
+    params = (item for item in body if isinstance(item, m.Param))
+    if not any(isinstance(part, m.Calculated) and any(references(part)) for item in params for part in walk(item)):
+        return tuple(body)
+    whole = m.Scenario(name=name, body=tuple(body))
+    values = case_values(whole, m.Case(name="defaults", values=()))
+    return tuple(_settled(item, values, moved) if isinstance(item, m.Param) else item for item in body)
+
+
+def _settled(item: _T, values: Mapping[str, m.ParamValue], moved: _Moved) -> _T:
+    new: dict[str, object] = {}
+    if isinstance(item, m.Calculated):
+        from foresee_dsl.language.arithmetic.evaluate import evaluate
+
+        result = evaluate(item.expression, values)
+        new = {"value": result.value, "unit": result.unit}
+    else:
+        for field in type(item).model_fields:
+            value = getattr(item, field)
+            if isinstance(value, tuple):
+                new[field] = tuple(
+                    _settled(part, values, moved) if isinstance(part, m.Item) else part for part in value
+                )
+            elif isinstance(value, m.Item):
+                new[field] = _settled(value, values, moved)
+    settled = item.model_copy(update=new) if new else item
+    if settled is not item:
+        moved(item, settled)
+    return settled
