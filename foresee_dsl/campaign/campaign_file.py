@@ -17,13 +17,10 @@ from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.forecast.registry import ranker_names
 from foresee_dsl.language import model as m
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.language.codes.names import OUTSIDE
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import SUFFIX, absolute, is_inside, kind_of, parse_address, project_folder
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
-
-NOT_INSTALLED, NOTHING_THERE = "FS058", "FS059"
 
 NOBODY = "none"
 """The word in a campaign's file that means no reference driver."""
@@ -104,21 +101,21 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
                 nobody = isinstance(item, m.Against) and item.names == (NOBODY,)
                 if plain not in installed and not nobody:
                     message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, installed)
-                    yield document.diagnostic(item, f"names.{k}", NOT_INSTALLED, message, help_)
+                    yield document.diagnostic(item, f"names.{k}", "FS058", message, help_)
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
             message, help_ = f"there is no preset '{item.name}'", did_you_mean(item.name, PRESETS)
-            yield document.diagnostic(item, "name", NOT_INSTALLED, message, help_)
+            yield document.diagnostic(item, "name", "FS058", message, help_)
         elif isinstance(item, m.Seeds | m.FirstFrom) and not allow_outside and _leads_outside(item.path, folder):
             message = f"'{item.path}' is outside the project folder '{project_folder(absolute(folder)).as_posix()}'"
             help_ = "move the files there, or allow it with `--allow-outside`"
-            yield document.diagnostic(item, "path", OUTSIDE, message, help_)
+            yield document.diagnostic(item, "path", "FS138", message, help_)
         elif isinstance(item, m.Seeds) and not _paths(item, folder):
             message, help_ = f"no scenario matches '{item.path}'", "paths begin at this file's own folder"
-            yield document.diagnostic(item, "path", NOTHING_THERE, message, help_)
+            yield document.diagnostic(item, "path", "FS059", message, help_)
         elif isinstance(item, m.FirstFrom) and not os.path.isdir(folder / item.path):  # noqa: PTH112 - see is_campaign
             message = f"there is no folder '{item.path}'"
             help_ = "name the folder of a campaign, or of kept failures; paths begin at this file's own folder"
-            yield document.diagnostic(item, "path", NOTHING_THERE, message, help_)
+            yield document.diagnostic(item, "path", "FS059", message, help_)
 
 
 def _leads_outside(path: str, folder: Path) -> bool:

@@ -20,8 +20,7 @@ from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.findings.review import review_of
 from foresee_dsl.campaign.plan import plan_campaign
-from foresee_dsl.campaign.regression.keeping import keep
-from foresee_dsl.campaign.regression.sources import source_of
+from foresee_dsl.campaign.regression.keeping import keep, source_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store

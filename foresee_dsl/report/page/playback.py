@@ -24,7 +24,7 @@ from foresee_dsl.report.show.panels import Role, role_of
 from foresee_dsl.simulate.results.criticality import Measure, criticality
 from foresee_dsl.simulate.results.near_misses import times_between
 from foresee_dsl.simulate.rules.infraction import infractions_in
-from foresee_dsl.simulate.sensing.line_of_sight import sight_of
+from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 

@@ -28,8 +28,8 @@ from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.drawing.data import as_data
 from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import ground_shapes
+from foresee_dsl.report.page.pictures import Thumbnail, thumbnail
 from foresee_dsl.report.page.playback import Marks, Parent, ego_way, playback
-from foresee_dsl.report.page.thumbnail import Thumbnail, thumbnail
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.steps import reason_texts, recorded_steps
 from foresee_dsl.report.strip import strip_svg
