@@ -11,11 +11,11 @@ from foresee_dsl.kernels.compiling import CUBE, FLOAT, FLOATS, TABLE, compiled, 
 from foresee_dsl.kernels.pdm import proposals
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.prediction import FRAMES, know, match, predict
-from foresee_dsl.kernels.pdm.records import ACTOR, ROLLED
+from foresee_dsl.kernels.pdm.prediction import know, match, predict
+from foresee_dsl.kernels.pdm.records import ACTOR
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import curvature_at, near_foes, place_actors, place_ego
-from foresee_dsl.kernels.pdm.scoring import best_proposal, find_conflicts, rate
+from foresee_dsl.kernels.pdm.scoring import best_proposal, others_near
 from foresee_dsl.kernels.tracks import TRACKS
 
 
@@ -81,18 +81,31 @@ def hold(
 
 
 @inner
-def _best(egos: Records, actors: Records, predicted: Records, route: Records, wall_s: float) -> tuple[float, float]:
-    """Roll out and score the proposals, and return offset and acceleration of the best one."""
-    ego, offsets = egos[0], proposals.find_offsets(egos, actors, route)
-    leaders, count = proposals.find_leaders(egos, actors, predicted, offsets), proposals.count_proposals(len(offsets))
-    rolled, offset = np.empty((count, FRAMES), ROLLED), np.empty(count)
-    allowed = proposals.allowed_speeds(ego, route, wall_s)
-    acceleration = proposals.roll(ego, leaders, offsets, allowed, rolled, offset)
-    conflicts = find_conflicts(egos, actors, predicted, rolled, offset, route)
-    score, collides = np.empty(count), np.empty(count, np.int64)
-    rate(ego, route, rolled, conflicts, offset, acceleration, score, collides)
-    best = best_proposal(score, collides, rolled)
-    return offset[best], acceleration[best]
+def choose(
+    egos: Records,
+    tracks: Records,
+    route: Records,
+    foes: Records,
+    paths: Records,
+    junctions: Records,
+    braking: FloatArray,
+    futures: FloatArray,
+) -> tuple[proposals.Motions, int, float]:
+    """Return the proposals, the index of the best one, and the length along the route that the front bumper may not
+    pass; arguments as for `decide`. The ego's position must be filled in before.
+    """
+    ego, actors = egos[0], np.empty(len(tracks), ACTOR)
+    place_actors(egos, tracks, route, actors)
+    near = near_foes(egos, foes, junctions)
+    matches = match(actors, near, paths)
+    predicted = predict(egos, actors, near, paths, matches, route)
+    if len(futures) > 0:
+        know(egos, actors, futures, route, predicted)
+    proposals.find_passable(egos, actors, route, junctions)
+    wall_s = find_wall(egos, actors, near, matches, junctions, braking, route)
+    offsets, allowed = proposals.find_offsets(egos, actors, route), proposals.allowed_speeds(ego, route, wall_s)
+    motions = proposals.find_motions(ego, actors, predicted, offsets, allowed)
+    return motions, best_proposal(ego, route, others_near(ego, actors, predicted, motions), motions), wall_s
 
 
 @compiled(r.EGOS, TRACKS, r.ROUTE, TABLE, r.FOES, r.PATHS, r.JUNCTIONS, FLOATS, CUBE)
@@ -113,14 +126,6 @@ def decide(
     an array without actors means the driver's own prediction.
     """
     place_ego(egos, route, coarse)
-    actors = np.empty(len(tracks), ACTOR)
-    place_actors(egos, tracks, route, actors)
-    near = near_foes(egos, foes, junctions)
-    matches = match(actors, near, paths)
-    predicted = predict(egos, actors, near, paths, matches, route)
-    if len(futures) > 0:
-        know(egos, actors, futures, route, predicted)
-    proposals.find_passable(egos, actors, route, junctions)
-    wall_s = find_wall(egos, actors, near, matches, junctions, braking, route)
-    offset, acceleration = _best(egos, actors, predicted, route, wall_s)
+    motions, best, _ = choose(egos, tracks, route, foes, paths, junctions, braking, futures)
+    offset, acceleration = motions.heads_for[best], motions.acceleration[motions.of[best]]
     return offset, acceleration, _follow(egos, route, offset, acceleration)

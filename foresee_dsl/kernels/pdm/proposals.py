@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,8 @@ QUEUE_REACH_M = 60.0
 MOST_PASSED = 2
 _FARTHER_M = cfg.PASSABLE_GAP_M - cfg.MINIMUM_GAP_M
 _MOST_OFFSETS = len(cfg.LATERAL_OFFSETS_M) + 4 * MOST_PASSED
+_HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
+"""Number of frames for which the IDM's acceleration stays constant."""
 _SPLIT = 2.0**27 + 1.0
 """Veltkamp's constant, which splits a double into two halves whose products are exact."""
 
@@ -120,32 +123,48 @@ def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
     return offsets[:count]
 
 
+@inner
+def _find_leader(
+    actors: Records, predicted: Records, t: int, offset: float, behind_s: float, side: float, leader: np.void
+) -> None:
+    """Fill the nearest actor ahead at an offset in frame `t` of the predictions [A, T].
+
+    `behind_s`: actors with a rear behind this length are not ahead. `side`: half the width of the ego's corridor, m.
+    """
+    nearest, least = 0, FAR_M
+    for a in range(len(actors)):
+        other = predicted[a, t]
+        rear = other["s"] - other["reach_s"]
+        if rear > behind_s and abs(other["d"] - offset) < other["reach_d"] + side:
+            if actors[a]["passable"]:
+                rear -= _FARTHER_M
+            if rear < least:
+                nearest, least = a, rear
+    # The speed is at least 0: the IDM is a model of followers; the scores treat oncoming actors.
+    speed = predicted[nearest, t]["speed_s"] if len(actors) > 0 else 0.0
+    leader["s"], leader["speed"] = least, max(speed, 0.0)
+
+
+@inner
+def _find_leaders(ego: np.void, actors: Records, predicted: Records, offsets: FloatArray, every: int) -> Records:
+    """Return the leaders as `find_leaders`, of every `every`th frame."""
+    leaders = np.empty((len(offsets), (predicted.shape[1] - 1) // every + 1), LEADER)
+    front, side = ego["s"] + ego["front"], ego["width"] / 2 + cfg.CORRIDOR_MARGIN_M
+    for o in range(len(offsets)):
+        for k in range(leaders.shape[1]):
+            _find_leader(actors, predicted, k * every, offsets[o], front - 1.0, side, leaders[o, k])
+    return leaders
+
+
 @compiled(r.EGOS, r.ACTORS, r.PREDICTION, FLOATS)
 def find_leaders(egos: Records, actors: Records, predicted: Records, offsets: FloatArray) -> Records:
     """Return the nearest actor ahead at each offset and frame, [O, T]; if there is no actor ahead, its place is
     `FAR_M`."""
-    leaders = np.empty((len(offsets), predicted.shape[1]), LEADER)
-    front, side = egos[0]["s"] + egos[0]["front"], egos[0]["width"] / 2 + cfg.CORRIDOR_MARGIN_M
-    for o in range(len(offsets)):
-        for t in range(predicted.shape[1]):
-            nearest, least = 0, FAR_M
-            for a in range(len(actors)):
-                other = predicted[a, t]
-                rear = other["s"] - other["reach_s"]
-                if rear > front - 1.0 and abs(other["d"] - offsets[o]) < other["reach_d"] + side:
-                    if actors[a]["passable"]:
-                        rear -= _FARTHER_M
-                    if rear < least:
-                        nearest, least = a, rear
-            # The speed is at least 0: the IDM is a model of followers; the scores treat oncoming actors.
-            speed = predicted[nearest, t]["speed_s"] if len(actors) > 0 else 0.0
-            leaders[o, t]["s"], leaders[o, t]["speed"] = least, max(speed, 0.0)
-    return leaders
+    return _find_leaders(egos[0], actors, predicted, offsets, 1)
 
 
 BRAKING = 4
 """The last four proposals brake: comfortably and as hard as possible, at the ego's offset and in the lane's middle."""
-_HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
 _PER_NEARING = 1.0 / (2.0 * math.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2))
 _SHARES = len(cfg.SPEED_SHARES)
 
@@ -195,37 +214,62 @@ def _behind(speed: float, gap: float, nearing: float, top: float) -> float:
     return max(top - top * (wish * wish), -max(needed, cfg.BRAKING_MPS2))
 
 
-@inner
-def _fill(frames: Records) -> None:
-    """Interpolate s and speed of a proposal between frames that are `_HELD` apart."""
-    for k in range(0, len(frames) - _HELD, _HELD):
-        before, after = frames[k], frames[k + _HELD]
-        for j in range(1, _HELD):
-            w, frame = j / _HELD, frames[k + j]
-            frame["s"] = (1 - w) * before["s"] + w * after["s"]
-            frame["speed"] = (1 - w) * before["speed"] + w * after["speed"]
+class Motions(NamedTuple):
+    """The proposals, and their motions along the route.
+
+    A proposal is an offset with a wish, which is a target speed or a braking. Proposals with the same wish behind the
+    same leaders share a motion.
+
+    Attributes:
+        heads_for: [P] the offset of each proposal, m. of: [P] the row of its motion.
+        s, speed: [M, K] length along the route from the ego on and speed, in every `_HELD`th frame.
+        acceleration: [M] the first acceleration, m/s^2.
+    """
+
+    heads_for: FloatArray
+    of: IntArray
+    s: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
 
 
 @inner
-def _longitudinal(
-    ego: np.void, wishes: FloatArray, which: IntArray, leaders: Records, allowed: FloatArray, out: Records
-) -> FloatArray:
-    """Integrate the IDM: fill s and speed of all proposals, [P, T], and return their first accelerations [P].
+def _first_with_same_leaders(leaders: Records) -> IntArray:
+    """Return, for each offset, the first one that has the same leaders in all frames; `leaders`: [O, K]."""
+    first = np.empty(len(leaders), np.int64)
+    for o in range(len(leaders)):
+        first[o], same = 0, False
+        while not same and first[o] < o:
+            same, other = True, leaders[first[o]]
+            for k in range(leaders.shape[1]):
+                same &= leaders[o, k]["s"] == other[k]["s"] and leaders[o, k]["speed"] == other[k]["speed"]
+            if not same:
+                first[o] += 1
+    return first
 
-    The loop over proposals is inside the loop over frames, so that the processor works on several proposals at once.
 
-    `wishes`: [2, P] share of the allowed speed, and largest acceleration. `which`: [P] row of `leaders` [O, T].
+@inner
+def _integrate(
+    ego: np.void, wishes: FloatArray, which: IntArray, leaders: Records, allowed: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrate the IDM: return s from the ego on and speed of all motions, both [M, K], and their first accelerations
+    [M].
+
+    The loop over motions is inside the loop over frames, so that the processor works on several motions at once.
+
+    `wishes`: [2, M] share of the allowed speed, and largest acceleration. `which`: [M] row of `leaders` [O, K].
     `allowed`: speeds along the route, `GRID_M` apart.
     """
     last, top, count = len(allowed) - 1, min(cfg.ACCELERATION_MPS2, ego["motor"]), len(which)
     front_s, strongest = ego["front"], ego["strongest"]
     s, v, first = np.zeros(count), np.full(count, ego["forward"]), np.empty(count)
-    for k in range(0, FRAMES, _HELD):
+    all_s, all_v = np.empty((count, leaders.shape[1])), np.empty((count, leaders.shape[1]))
+    for k in range(leaders.shape[1]):
         led = False
         for o in range(len(leaders)):
             led |= leaders[o, k]["s"] < FAR_M
-        for p in range(count):
-            share, most, way, speed = wishes[0, p], wishes[1, p], s[p], v[p]
+        for m in range(count):
+            share, most, way, speed = wishes[0, m], wishes[1, m], s[m], v[m]
             ahead = min((way + cfg.PROFILE_PREVIEW_S * speed) * (1.0 / GRID_M), float(last))
             i = max(int(ahead), 0)
             rise = allowed[i + 1] - allowed[i] if i < last else 0.0
@@ -237,20 +281,68 @@ def _longitudinal(
             # most comfortable.
             a = min(max(top - top * ratio, -cfg.BRAKING_MPS2), (limit - speed) * (1.0 / cfg.PROFILE_PREVIEW_S))
             if led:
-                leader = leaders[which[p], k]
+                leader = leaders[which[m], k]
                 gap = leader["s"] - front_s - ego["s"] - way
                 a = min(a, _behind(speed, gap, speed - leader["speed"], top))
             a = max(min(a, most), -strongest)
             if k == 0:
-                first[p] = a
+                first[m] = a
             faster = max(speed + cfg.ACCELERATION_STEP_S * a, 0.0)
-            out[p, k]["s"], out[p, k]["speed"] = way, speed
-            s[p], v[p] = way + (cfg.ACCELERATION_STEP_S / 2) * (speed + faster), faster
+            all_s[m, k], all_v[m, k] = way, speed
+            s[m], v[m] = way + (cfg.ACCELERATION_STEP_S / 2) * (speed + faster), faster
+    return all_s, all_v, first
+
+
+@inner
+def find_motions(
+    ego: np.void, actors: Records, predicted: Records, offsets: FloatArray, allowed: FloatArray
+) -> Motions:
+    """Return the proposals: each offset with each share of the speed, then the braking proposals.
+
+    `predicted`: [A, T]. `allowed`: speeds along the route, `GRID_M` apart.
+    """
+    leaders, here = _find_leaders(ego, actors, predicted, offsets, _HELD), 0
+    for o in range(len(offsets)):
+        if abs(offsets[o] - ego["d"]) < abs(offsets[here] - ego["d"]):
+            here = o
+    first, count, motions = _first_with_same_leaders(leaders), count_proposals(len(offsets)), 0
+    heads_for, of = np.empty(count), np.empty(count, np.int64)
+    wishes, which = np.empty((2, count)), np.empty(count, np.int64)
     for p in range(count):
-        _fill(out[p])
-        for t in range(FRAMES):
-            out[p, t]["s"] += ego["s"]
-    return first
+        braking = p - (count - BRAKING)
+        if braking < 0:
+            o, share, most, same = p // _SHARES, cfg.SPEED_SHARES[p % _SHARES], np.inf, p % _SHARES
+            heads_for[p] = offsets[o]
+            same += first[o] * _SHARES
+        else:  # comfortably and as hard as possible: at the current offset, then in the middle of the lane
+            o, heads_for[p] = (here, ego["d"]) if braking < 2 else (0, offsets[0])
+            share, most = 1.0, -cfg.BRAKING_MPS2 if braking % 2 == 0 else -ego["strongest"]
+            same = p - 2 if braking >= 2 and first[here] == first[0] else p
+        if same < p:
+            of[p] = of[same]
+        else:
+            of[p], which[motions], wishes[0, motions], wishes[1, motions] = motions, o, share, most
+            motions += 1
+    s, speed, acceleration = _integrate(ego, wishes[:, :motions], which[:motions], leaders, allowed)
+    return Motions(heads_for, of, s, speed, acceleration)
+
+
+@inner
+def progress_of(ego: np.void, motions: Motions, p: int) -> float:
+    """Return the length that a proposal drives within the horizon, m: the difference of its last and first `s`."""
+    return float((motions.s[motions.of[p], -1] + ego["s"]) - ego["s"])
+
+
+@inner
+def _along(ego: np.void, s: FloatArray, speed: FloatArray, out: Records) -> None:
+    """Fill s and speed of a proposal [T] from those of its motion [K]: between its frames they are interpolated."""
+    for t in range(len(out)):
+        k, frame, w = t // _HELD, out[t], (t % _HELD) / _HELD
+        way, frame["speed"] = s[k], speed[k]
+        if w > 0.0:
+            way = (1 - w) * s[k] + w * s[k + 1]
+            frame["speed"] = (1 - w) * speed[k] + w * speed[k + 1]
+        frame["s"] = way + ego["s"]
 
 
 @inner
@@ -268,47 +360,26 @@ def _lateral(ego: np.void, offset: float, slope: float, out: Records) -> None:
 
 
 @inner
-def place_footprints(ego: np.void, route: Records, out: Records) -> None:
-    """Fill the footprints' centres and headings, [P, T]."""
-    for p in range(out.shape[0]):
-        for t in range(FRAMES):
-            frame = out[p, t]
-            s, d, tilt = frame["s"], frame["d"], frame["slope"]
-            road = route[grid_point(route, s)]
-            base_cos, base_sin = road["cos"], road["sin"]
-            along, norm = s - road["s"], 1.0 / math.sqrt(1.0 + tilt * tilt)
-            cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
-            frame["x"] = road["x"] + along * base_cos - d * base_sin + ego["centre"] * cos
-            frame["y"] = road["y"] + along * base_sin + d * base_cos + ego["centre"] * sin
-            frame["cos"], frame["sin"] = cos, sin
+def roll(ego: np.void, motions: Motions, p: int, out: Records) -> None:
+    """Roll a proposal out in the route's coordinates: fill `out`, [T], except the footprints."""
+    m, slope = motions.of[p], math.tan(max(-1.0, min(1.0, ego["heading_error"])))
+    _along(ego, motions.s[m], motions.speed[m], out)
+    _lateral(ego, motions.heads_for[p], slope, out)
 
 
 @inner
-def roll(
-    ego: np.void, leaders: Records, offsets: FloatArray, allowed: FloatArray, out: Records, heads_for: FloatArray
-) -> FloatArray:
-    """Roll out in the route's coordinates: each offset with each share of the speed, then the braking proposals.
-
-    Fills `out`, [P, T], and `heads_for`, [P] the offset of each proposal; returns the first accelerations, [P].
-    `leaders`: [O, T]. `allowed`: speeds along the route, `GRID_M` apart.
-    """
-    count, here, slope = len(heads_for), 0, math.tan(max(-1.0, min(1.0, ego["heading_error"])))
-    for o in range(len(offsets)):
-        if abs(offsets[o] - ego["d"]) < abs(offsets[here] - ego["d"]):
-            here = o
-    wishes, which = np.empty((2, count)), np.empty(count, np.int64)
-    for p in range(count):
-        braking = p - (count - BRAKING)
-        if braking < 0:
-            which[p], wishes[0, p], wishes[1, p] = p // _SHARES, cfg.SPEED_SHARES[p % _SHARES], np.inf
-            heads_for[p] = offsets[which[p]]
-        else:  # comfortably and as hard as possible: at the current offset, then in the middle of the lane
-            which[p], heads_for[p] = (here, ego["d"]) if braking < 2 else (0, offsets[0])
-            wishes[0, p], wishes[1, p] = 1.0, -cfg.BRAKING_MPS2 if braking % 2 == 0 else -ego["strongest"]
-    first = _longitudinal(ego, wishes, which, leaders, allowed, out)
-    for p in range(count):
-        _lateral(ego, heads_for[p], slope, out[p])
-    return first
+def place_footprints(ego: np.void, route: Records, out: Records) -> None:
+    """Fill the footprints' centres and headings of a proposal [T]."""
+    for t in range(FRAMES):
+        frame = out[t]
+        s, d, tilt = frame["s"], frame["d"], frame["slope"]
+        road = route[grid_point(route, s)]
+        base_cos, base_sin = road["cos"], road["sin"]
+        along, norm = s - road["s"], 1.0 / math.sqrt(1.0 + tilt * tilt)
+        cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
+        frame["x"] = road["x"] + along * base_cos - d * base_sin + ego["centre"] * cos
+        frame["y"] = road["y"] + along * base_sin + d * base_cos + ego["centre"] * sin
+        frame["cos"], frame["sin"] = cos, sin
 
 
 @inner

@@ -208,11 +208,30 @@ class ConflictRecord(NamedTuple):
     ttc: bool
 
 
+class Assessment(NamedTuple):
+    """What the roll-out of a proposal shows.
+
+    Attributes:
+        done: whether the proposal was rolled out; otherwise the other fields are 0.
+        allowed: whether it neither collides nor leaves the lanes.
+        touches: whether a TTC is below `TTC_S`. close: number of frames with too little clearance. Both are complete
+            only if there is no collision.
+        collides: frame of the first collision at fault, T without one. impact: speed in that frame, or in the last.
+    """
+
+    done: bool
+    allowed: bool
+    touches: bool
+    close: int
+    collides: int
+    impact: float
+
+
 EGO, ACTOR, ROUTE_POINT, JUNCTION, FOE = (
     dtype_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)
 )
 PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, MatchRecord, Predicted, LeaderRecord))
-ROLLED, CONFLICT = dtype_of(Rolled), dtype_of(ConflictRecord)
+ROLLED, CONFLICT, ASSESSMENT = dtype_of(Rolled), dtype_of(ConflictRecord), dtype_of(Assessment)
 
 EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (
     array_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)

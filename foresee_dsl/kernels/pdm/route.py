@@ -167,12 +167,12 @@ def _stretch(route: Records, ego_s: float, ahead_m: float, stride: int) -> Stret
 
 
 @inner
-def _nearest(x: float, y: float, route: Records, part: Stretch) -> tuple[int, float, float]:
-    """Project a point onto a stretch: return the grid point, the distance beyond it along the route, and the offset."""
-    for i in range(len(part.x)):
-        dx, dy = x - part.x[i], y - part.y[i]
-        part.away[i] = dx * dx + dy * dy
-    k = part.first + _least(part.away) * part.stride
+def _foot(x: float, y: float, route: Records, part: Stretch, nearest: int) -> tuple[int, float, float]:
+    """Project a point onto a stretch: return the grid point, the distance beyond it along the route, and the offset.
+
+    `nearest`: the nearest point of the stretch.
+    """
+    k = part.first + nearest * part.stride
     at = route[k]
     along = (x - at["x"]) * at["cos"] + (y - at["y"]) * at["sin"]
     # A second projection at the point that the tangent leads to, within one stride, keeps bends exact.
@@ -184,25 +184,64 @@ def _nearest(x: float, y: float, route: Records, part: Stretch) -> tuple[int, fl
 
 
 @inner
+def nearest_points(x: FloatArray, y: FloatArray, part: Stretch) -> FloatArray:
+    """Return the nearest point of a stretch for each place [T], the first of equally near ones.
+
+    The loop over places is inside the loop over points, so that the processor compares several places at once; for
+    that, the indices are floats like the distances.
+    """
+    least, nearest = np.full(len(x), np.inf), np.zeros(len(x))
+    for i in range(len(part.x)):
+        at_x, at_y, index = part.x[i], part.y[i], float(i)
+        for t in range(len(x)):
+            dx, dy = x[t] - at_x, y[t] - at_y
+            away = dx * dx + dy * dy
+            nearer = away < least[t]
+            nearest[t] = index if nearer else nearest[t]
+            least[t] = away if nearer else least[t]
+    return nearest
+
+
+@inner
 def project_actors(actors: Records, route: Records, ego_s: float, ahead_m: float) -> None:
     """Fill `s`, `d` and `point` of the actors, from the stretch up to `ahead_m` before the ego."""
     part = _stretch(route, ego_s, ahead_m, COARSE)
     for a in range(len(actors)):
         actor = actors[a]
-        k, along, across = _nearest(actor["x"], actor["y"], route, part)
+        for i in range(len(part.x)):
+            dx, dy = actor["x"] - part.x[i], actor["y"] - part.y[i]
+            part.away[i] = dx * dx + dy * dy
+        k, along, across = _foot(actor["x"], actor["y"], route, part, _least(part.away))
         actor["s"], actor["d"], actor["point"] = route[k]["s"] + along, across, k
+
+
+@inner
+def _until_rest(frames: Records) -> int:
+    """Return the number of frames of a prediction [T] up to the last one at a new place."""
+    t = len(frames) - 1
+    while t > 0 and frames[t]["x"] == frames[t - 1]["x"] and frames[t]["y"] == frames[t - 1]["y"]:
+        t -= 1
+    return t + 1
 
 
 @inner
 def project_predicted(which: BoolArray, predicted: Records, route: Records, ego_s: float, ahead_m: float) -> None:
     """Fill `s` and `d` of the predictions, [A, T], of those actors whose flag is set."""
-    part = _stretch(route, ego_s, ahead_m, 2 * COARSE)
+    part, last = _stretch(route, ego_s, ahead_m, 2 * COARSE), predicted.shape[1] - 1
+    x, y = np.empty(last + 1), np.empty(last + 1)
     for a in range(len(which)):
-        if which[a]:
-            for t in range(predicted.shape[1]):
-                frame = predicted[a, t]
-                k, along, across = _nearest(frame["x"], frame["y"], route, part)
-                frame["s"], frame["d"] = route[k]["s"] + along, across
+        if not which[a]:
+            continue
+        frames = predicted[a]
+        moving = _until_rest(frames)  # the frames after these are at the same place: a standing actor has one
+        for t in range(moving):
+            x[t], y[t] = frames[t]["x"], frames[t]["y"]
+        nearest = nearest_points(x[:moving], y[:moving], part)
+        for t in range(moving):
+            k, along, across = _foot(x[t], y[t], route, part, int(nearest[t]))
+            frames[t]["s"], frames[t]["d"] = route[k]["s"] + along, across
+        for t in range(moving, last + 1):
+            frames[t]["s"], frames[t]["d"] = frames[moving - 1]["s"], frames[moving - 1]["d"]
 
 
 OWN_LANE_M = 1.2

@@ -20,12 +20,10 @@ from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.compiling import FLOATS, TABLE, compiled
 from foresee_dsl.kernels.pdm import proposals
 from foresee_dsl.kernels.pdm import records as r
-from foresee_dsl.kernels.pdm.decision import hold
-from foresee_dsl.kernels.pdm.prediction import FRAMES, TIMES_S, match, predict
-from foresee_dsl.kernels.pdm.records import ACTOR, ROLLED
-from foresee_dsl.kernels.pdm.right_of_way import find_wall
-from foresee_dsl.kernels.pdm.route import near_foes, place_actors, place_ego
-from foresee_dsl.kernels.pdm.scoring import best_proposal, find_conflicts, rate
+from foresee_dsl.kernels.pdm.decision import choose, hold
+from foresee_dsl.kernels.pdm.prediction import FRAMES, TIMES_S
+from foresee_dsl.kernels.pdm.records import ROLLED
+from foresee_dsl.kernels.pdm.route import place_ego
 from foresee_dsl.kernels.tracks import TRACKS
 from foresee_dsl.simulate.trace import HEADING, SPEED, X, Y
 from training.samples import POINT_S, POINTS, SIGNAL_STATES
@@ -58,25 +56,10 @@ def decide_in_full(
             proposal is written into `chosen`, [1, T].
     """
     place_ego(egos, route, coarse)
-    actors = np.empty(len(tracks), ACTOR)
-    place_actors(egos, tracks, route, actors)
-    near = near_foes(egos, foes, junctions)
-    matches = match(actors, near, paths)
-    predicted = predict(egos, actors, near, paths, matches, route)
-    proposals.find_passable(egos, actors, route, junctions)
-    wall_s = find_wall(egos, actors, near, matches, junctions, braking, route)
-    ego, offsets = egos[0], proposals.find_offsets(egos, actors, route)
-    leaders, count = proposals.find_leaders(egos, actors, predicted, offsets), proposals.count_proposals(len(offsets))
-    rolled, offset = np.empty((count, FRAMES), ROLLED), np.empty(count)
-    allowed = proposals.allowed_speeds(ego, route, wall_s)
-    acceleration = proposals.roll(ego, leaders, offsets, allowed, rolled, offset)
-    conflicts = find_conflicts(egos, actors, predicted, rolled, offset, route)
-    score, collides = np.empty(count), np.empty(count, np.int64)
-    rate(ego, route, rolled, conflicts, offset, acceleration, score, collides)
-    best = best_proposal(score, collides, rolled)
-    chosen[0] = rolled[best]
-    proposals.place_footprints(ego, route, chosen)
-    return offset[best], acceleration[best], wall_s
+    motions, best, wall_s = choose(egos, tracks, route, foes, paths, junctions, braking, np.empty((0, 0, 4)))
+    proposals.roll(egos[0], motions, best, chosen[0])
+    proposals.place_footprints(egos[0], route, chosen[0])
+    return motions.heads_for[best], motions.acceleration[motions.of[best]], wall_s
 
 
 class Advice(NamedTuple):
