@@ -17,15 +17,17 @@ from typing import Any
 import pytest
 import yaml
 
+from foresee_dsl.derive.avoidable import NAMES
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.registry import DRIVERS
 from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.language.codes import every_code
-from foresee_dsl.language.model import OWNERS, PROPERTIES
+from foresee_dsl.language.model import OWNERS, PROPERTIES, USUAL
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.limits import LIMITS
+from foresee_dsl.simulate.results.criticality import Measure
 from foresee_dsl.simulate.results.verdict import COLLISIONS
 from foresee_dsl.simulate.rules.infraction import Rule
 from tests.support.goldens import Golden
@@ -94,6 +96,10 @@ def changeable_in_clips() -> set[str]:
     return {f"ACTOR.{name}" for name in PROPERTIES} | {f"{owner}.{name}" for owner, names in owners for name in names}
 
 
+def styles() -> set[str]:
+    return {*PROPERTIES["style"].words} - {USUAL}
+
+
 NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
     ("reference/plug-ins.md", "| group | what it adds | description |"): plug_in_groups,
     ("reference/drivers.md", "| driver | what it is |"): lambda: (*DRIVERS.names(), *DRIVERS.missing()),
@@ -103,15 +109,20 @@ NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
     ("background/method.md", "| preset | what its children are |"): lambda: PRESETS,
     ("background/method.md", "| rule | the ego breaks it when | source |"): lambda: Rule,
     ("background/method.md", "| kind | definition |"): lambda: COLLISIONS,
+    # time to collision and the braking needed are described in front of the table
+    ("background/method.md", "| key | measure | value at a moment |"): lambda: {*Measure} - {Measure.TTC, Measure.DRAC},
+    ("background/rankers.md", "| behaviour | `operator` in a mutant | the change | which actors |"): NAMES.values,
+    ("reference/language.md", "| style | what changes in SUMO's models | effect |"): styles,
     ("start/install.md", "| extra | what it adds |"): extras,
 }
-"""All names that the first column of a table has, by the table's page and first line."""
+"""All names that the first column with code in a table has, by the table's page and first line."""
 
 
 @pytest.mark.parametrize(("page", "header"), NAMED)
 def test_a_table_has_a_row_for_each_thing_that_the_code_has(page: str, header: str) -> None:
-    first = [cells[0] for cells in cells_of(rows_of(page, header))]
-    names = [name for cell in first for name in re.findall("`([^`]+)`", cell) or [cell]]
+    rows = cells_of(rows_of(page, header))
+    column = next((k for k, cell in enumerate(rows[0]) if "`" in cell), 0)
+    names = [name for row in rows for name in re.findall("`([^`]+)`", row[column]) or [row[column]]]
     assert sorted(names) == sorted(NAMED[page, header]())
 
 
