@@ -25,9 +25,8 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.report.drawing.data import as_data
 from foresee_dsl.report.drawing.ground import ground_of
-from foresee_dsl.report.drawing.shapes import ground_shapes
+from foresee_dsl.report.drawing.shapes import as_data, ground_shapes
 from foresee_dsl.report.page.pictures import Thumbnail, thumbnail
 from foresee_dsl.report.page.playback import Marks, Parent, ego_way, playback
 from foresee_dsl.report.show.sources import ShownRun
