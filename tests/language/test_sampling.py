@@ -89,7 +89,7 @@ def test_drawn_cases_are_cases_everywhere() -> None:
     assert cases(whole) == cases(document)
     assert isinstance(whole.model, Scenario) and isinstance(document.model, Scenario)
     third = whole.model.all(Case)[3]
-    assert whole.diagnostic(third, "", "FS000", "").source_line == "cases 3 from seed 7"
+    assert whole.diagnostic(third, "", "FS001", "").source_line == "cases 3 from seed 7"
     for model in (document.model, whole.model):
         (end,) = concretise(model, "seed7_03").all(End)
         assert end.after == third.values[0].value
