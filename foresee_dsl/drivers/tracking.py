@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain
 from operator import attrgetter
 from typing import NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor, SignalColour
 from foresee_dsl.kernels import tracks as kernel
-from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.arrays import IntArray, Records
 
 COAST_S = 1.5
 """Time for which an object that is no longer seen is predicted, s. Ours: within 1 s the sensors give it its old number
@@ -61,6 +61,9 @@ SAME_TIME_S = 1e-6
 COLOUR_KEPT_S = 1.0
 """Time for which a colour is used after its last sighting, s. Ours: a third of the shortest amber time (3 s), so that
 no driver relies on a green light that has become red."""
+
+_PACES = 256
+"""Number of times between object lists for which values are kept. Ours: rounding makes some twenty of each."""
 
 _MEASURED = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 _KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
@@ -131,6 +134,9 @@ class Tracker:
         self._kinds: list[ActorClass] = []
         self._named: tuple[tuple[int, ...], tuple[ActorClass, ...]] = (), ()
         self._places: dict[int, int] = {}
+        self._listed: list[int] | None = None
+        """Numbers of the last object list, if `_which` has their rows."""
+        self._which: IntArray = np.empty(0, np.int64)
         self._measured_s: float | None = None
         self._some_lost = False
 
@@ -149,16 +155,19 @@ class Tracker:
         if passed_s <= SAME_TIME_S:
             return self._present(time_s, measured_s)
         self._measured_s = measured_s
-        seen, ego, places = object_table(observation), observation.ego, self._places
-        rows = [places.get(number, -1) for number in seen.numbers]
-        if -1 in rows:
-            return self._with_new(rows, seen, observation, passed_s, measured_s)
-        self._some_lost = len(rows) < len(self._numbers)
+        seen, ego = object_table(observation), observation.ego
+        if seen.numbers != self._listed:  # usually a list has the same objects as the one before it
+            rows = [self._places.get(number, -1) for number in seen.numbers]
+            if -1 in rows:
+                return self._with_new(rows, seen, observation, passed_s, measured_s)
+            self._listed, self._which = list(seen.numbers), np.array(rows, dtype=np.int64)
+        which = self._which
+        self._some_lost = len(which) < len(self._numbers)
         if not self._numbers:
             return self._present(time_s, measured_s)
         # The usual case, a list without new objects, takes one call of a kernel.
-        self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
-        which, gains = np.array(rows, dtype=np.int64), _gains(round(passed_s, 3))
+        gains, fades = _pace(passed_s)
+        self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, fades
         table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
         if lost_s <= COAST_S:
             return Tracks(table, *self._named)
@@ -174,12 +183,14 @@ class Tracker:
     ) -> Tracks:
         """Process an object list with new numbers; `rows`: rows of the tracked objects, -1 for new numbers."""
         had_tracks, ego, time_s = bool(self._numbers), observation.ego, observation.time_s
+        self._listed = None
         if had_tracks:
             kernel.move(self._state, passed_s)
         rows = self._begin(seen, rows, measured_s)
         if had_tracks:
-            self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
-            which, gains = np.array(rows, dtype=np.int64), _gains(round(passed_s, 3))
+            gains, fades = _pace(passed_s)
+            self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, fades
+            which = np.array(rows, dtype=np.int64)
             kernel.correct(self._state, self._sightings, which, seen.measured, self._scan, gains)
         self._some_lost = len(rows) < len(self._numbers)
         if self._some_lost and kernel.fade(self._state, self._sightings, self._scan) > COAST_S:
@@ -235,6 +246,7 @@ class Tracker:
 
     def _drop(self, measured_s: float) -> None:
         """Drop the objects that have not been seen for too long."""
+        self._listed = None
         lost_s = measured_s - self._sightings["last_s"]
         keep = lost_s <= np.where(self._state[:, kernel.SPEED] < kernel.SMOOTHED_STANDS_MPS, STANDING_COAST_S, COAST_S)
         self._state, self._sightings = self._state[keep], self._sightings[keep]
@@ -263,9 +275,18 @@ class SignalMemory:
         return seen
 
 
+@lru_cache(maxsize=_PACES)
+def _pace(passed_s: float) -> tuple[FloatArray, float]:
+    """Return the gains, and the share that missing objects keep of their acceleration and yaw rate (`Scan.fades`), for
+    an object list that is this much later than the last one.
+    """
+    return _gains(round(passed_s, 3)), math.exp(-passed_s / FADES_S)
+
+
 @cache
 def _gains(dt: float) -> FloatArray:
-    """Return the gains of each row of the state for measurements `dt` (s) apart, [row, mode, bins, count].
+    """Return the gains for measurements `dt` (s) apart, [mode, bins, count, row]: the gains of an object's state are
+    beside each other in memory.
 
     `count`: number of earlier measurements of the object. A rate, which is not measured, is corrected by the
     measurement of its value.
@@ -284,7 +305,7 @@ def _gains(dt: float) -> FloatArray:
         table[kernel.HEADING, mode], table[kernel.YAW_RATE, mode] = turn[:, 0], turn[:, 1]
         for k, noise in enumerate(kernel.PLACE_NOISES_M.tolist()):
             table[kernel.X : kernel.Y + 1, mode, k] = _pair_gains(noise, drifts[mode] * dt, 0.0, 0.0, dt)[:, 0]
-    return table
+    return np.ascontiguousarray(np.moveaxis(table, 0, -1))
 
 
 def _pair_gains(noise: float, drift: float, start_rate: float, rate_change: float, dt: float) -> FloatArray:

@@ -162,8 +162,8 @@ def correct(
 ) -> None:
     """Correct states, [A, 8], by their measurements, in place.
 
-    `which`: [N] indices of the measured actors. `measured`: [N, >=6]. `scans`: [1] the object list. `gains`: [8, mode,
-    bins, number of measurements].
+    `which`: [N] indices of the measured actors. `measured`: [N, >=6]. `scans`: [1] the object list. `gains`: [mode,
+    bins, number of measurements, 8].
     """
     scan, off = scans[0], np.empty(8)
     for n in range(len(which)):
@@ -183,7 +183,7 @@ def correct(
             if abs(off[column]) > _JUMPS[column, mode, place]:
                 count = 0
         for column in range(8):
-            row[column] += gains[column, mode, place, count] * off[column]
+            row[column] += gains[mode, place, count, column] * off[column]
         row[SPEED] = max(row[SPEED], 0.0)
         if count == 0:
             row[ACCELERATION] = 0.0

@@ -132,6 +132,17 @@ def test_two_that_cross_in_the_list_are_not_mixed_up() -> None:
     assert places == {7: pytest.approx(44.5), 3: pytest.approx(35.5)}
 
 
+def test_the_rest_are_not_mixed_up_when_a_lost_one_is_forgotten() -> None:
+    tracker, both = Tracker(), (car(50.0, 3.5, track=5), car(70.0, track=8))
+    tracker.update(seen(0.0, car(), *both))
+    for k in range(1, 60):  # the first is lost, then forgotten; the list of the others stays the same
+        way = 10 * k * STEP_S
+        tracks = tracker.update(seen(k * STEP_S, *(replace(actor, x=actor.x + way) for actor in both)))
+    assert tracks.numbers == (5, 8)
+    assert tracks.x == pytest.approx([50.0 + way, 70.0 + way])
+    assert tracks.y == pytest.approx([3.5, 0.0])
+
+
 def test_a_jump_is_taken_over_at_once() -> None:
     tracker = Tracker()
     for k in range(40):

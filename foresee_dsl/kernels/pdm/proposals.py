@@ -124,35 +124,30 @@ def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
 
 
 @inner
-def _find_leader(
-    actors: Records, predicted: Records, t: int, offset: float, behind_s: float, side: float, leader: np.void
-) -> None:
-    """Fill the nearest actor ahead at an offset in frame `t` of the predictions [A, T].
-
-    `behind_s`: actors with a rear behind this length are not ahead. `side`: half the width of the ego's corridor, m.
-    """
-    nearest, least = 0, FAR_M
-    for a in range(len(actors)):
-        other = predicted[a, t]
-        rear = other["s"] - other["reach_s"]
-        if rear > behind_s and abs(other["d"] - offset) < other["reach_d"] + side:
+def _find_leaders(ego: np.void, actors: Records, predicted: Records, offsets: FloatArray, every: int) -> Records:
+    """Return the leaders as `find_leaders`, of every `every`th frame, [O, K]."""
+    leaders = np.empty((len(offsets), (predicted.shape[1] - 1) // every + 1), LEADER)
+    behind_s, side = ego["s"] + ego["front"] - 1.0, ego["width"] / 2 + cfg.CORRIDOR_MARGIN_M
+    nearest = np.empty(len(offsets), np.int64)
+    for k in range(leaders.shape[1]):
+        t = k * every
+        nearest[:] = 0
+        for o in range(len(offsets)):
+            leaders[o, k]["s"] = FAR_M
+        for a in range(len(actors)):
+            other = predicted[a, t]
+            rear = other["s"] - other["reach_s"]
+            if not rear > behind_s:
+                continue
             if actors[a]["passable"]:
                 rear -= _FARTHER_M
-            if rear < least:
-                nearest, least = a, rear
-    # The speed is at least 0: the IDM is a model of followers; the scores treat oncoming actors.
-    speed = predicted[nearest, t]["speed_s"] if len(actors) > 0 else 0.0
-    leader["s"], leader["speed"] = least, max(speed, 0.0)
-
-
-@inner
-def _find_leaders(ego: np.void, actors: Records, predicted: Records, offsets: FloatArray, every: int) -> Records:
-    """Return the leaders as `find_leaders`, of every `every`th frame."""
-    leaders = np.empty((len(offsets), (predicted.shape[1] - 1) // every + 1), LEADER)
-    front, side = ego["s"] + ego["front"], ego["width"] / 2 + cfg.CORRIDOR_MARGIN_M
-    for o in range(len(offsets)):
-        for k in range(leaders.shape[1]):
-            _find_leader(actors, predicted, k * every, offsets[o], front - 1.0, side, leaders[o, k])
+            for o in range(len(offsets)):
+                if abs(other["d"] - offsets[o]) < other["reach_d"] + side and rear < leaders[o, k]["s"]:
+                    nearest[o], leaders[o, k]["s"] = a, rear
+        for o in range(len(offsets)):
+            # The speed is at least 0: the IDM is a model of followers; the scores treat oncoming actors.
+            speed = predicted[nearest[o], t]["speed_s"] if len(actors) > 0 else 0.0
+            leaders[o, k]["speed"] = max(speed, 0.0)
     return leaders
 
 

@@ -77,16 +77,6 @@ def least_room(route: Records, from_s: float, to_s: float) -> tuple[float, float
 
 
 @inner
-def _least(values: FloatArray) -> int:
-    """Return the index of the least value, the first of equal values (a NaN is never less)."""
-    k, least = 0, np.inf
-    for i in range(len(values)):
-        if values[i] < least:
-            k, least = i, values[i]
-    return k
-
-
-@inner
 def _cost(x: float, y: float, cos: float, sin: float, coarse: FloatArray, i: int) -> tuple[float, float]:
     """Return the square of the distance from a place to a coarse point, m^2, without and with a cost for the
     heading."""
@@ -144,14 +134,13 @@ class Stretch(NamedTuple):
     """A part of the route for the projection of actors: every `stride`th grid point from `first` on.
 
     Attributes:
-        x, y: [M] coordinates of these points, m. away: [M] work space for squared distances.
+        x, y: [M] coordinates of these points, m.
     """
 
     first: int
     stride: int
     x: FloatArray
     y: FloatArray
-    away: FloatArray
 
 
 @inner
@@ -163,7 +152,7 @@ def _stretch(route: Records, ego_s: float, ahead_m: float, stride: int) -> Stret
     for i in range(count):
         at = route[first + i * stride]
         x[i], y[i] = at["x"], at["y"]
-    return Stretch(first, stride, x, y, np.empty(count))
+    return Stretch(first, stride, x, y)
 
 
 @inner
@@ -205,13 +194,13 @@ def nearest_points(x: FloatArray, y: FloatArray, part: Stretch) -> FloatArray:
 @inner
 def project_actors(actors: Records, route: Records, ego_s: float, ahead_m: float) -> None:
     """Fill `s`, `d` and `point` of the actors, from the stretch up to `ahead_m` before the ego."""
-    part = _stretch(route, ego_s, ahead_m, COARSE)
+    part, x, y = _stretch(route, ego_s, ahead_m, COARSE), np.empty(len(actors)), np.empty(len(actors))
+    for a in range(len(actors)):
+        x[a], y[a] = actors[a]["x"], actors[a]["y"]
+    nearest = nearest_points(x, y, part)
     for a in range(len(actors)):
         actor = actors[a]
-        for i in range(len(part.x)):
-            dx, dy = actor["x"] - part.x[i], actor["y"] - part.y[i]
-            part.away[i] = dx * dx + dy * dy
-        k, along, across = _foot(actor["x"], actor["y"], route, part, _least(part.away))
+        k, along, across = _foot(x[a], y[a], route, part, int(nearest[a]))
         actor["s"], actor["d"], actor["point"] = route[k]["s"] + along, across, k
 
 

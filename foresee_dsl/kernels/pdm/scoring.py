@@ -155,7 +155,7 @@ def others_near(ego: np.void, actors: Records, predicted: Records, motions: Moti
 
 @inner
 def _assess(
-    ego: np.void, route: Records, others: Others, motions: Motions, p: int, rolled: Records, found: np.void
+    ego: np.void, route: Records, others: Others, motions: Motions, p: int, rolled: Records, assessment: np.void
 ) -> None:
     """Roll a proposal out into `rolled`, [T], compare it with the others, and fill its `Assessment`."""
     roll(ego, motions, p, rolled)
@@ -174,19 +174,19 @@ def _assess(
                 collides = t
                 break
     brakes = p >= len(motions.of) - BRAKING
-    found["allowed"] = collides == FRAMES and (brakes or _keeps_lanes(rolled, route, ego["width"] / 2))
-    found["collides"], found["impact"] = collides, rolled[min(collides, FRAMES - 1)]["speed"]
-    found["close"], found["touches"], found["done"] = close.sum(), touches, True
+    assessment["allowed"] = collides == FRAMES and (brakes or _keeps_lanes(rolled, route, ego["width"] / 2))
+    assessment["collides"], assessment["impact"] = collides, rolled[min(collides, FRAMES - 1)]["speed"]
+    assessment["close"], assessment["touches"], assessment["done"] = close.sum(), touches, True
 
 
 @inner
-def _points(ego: np.void, motions: Motions, p: int, most_m: float, found: np.void) -> float:
+def _points(ego: np.void, motions: Motions, p: int, most_m: float, assessment: np.void) -> float:
     """Return the score of a proposal; -1 if it was assessed and is not allowed.
 
     The score of a proposal that was not assessed is an upper bound: without conflicts, each summand is as large as it
     can be, and so is their rounded sum. `most_m`: the largest progress of an allowed proposal, m.
     """
-    if found["done"] and not found["allowed"]:
+    if assessment["done"] and not assessment["allowed"]:
         return -1.0
     offset, acceleration = motions.heads_for[p], motions.acceleration[motions.of[p]]
     error = offset - ego["d"]
@@ -196,19 +196,19 @@ def _points(ego: np.void, motions: Motions, p: int, most_m: float, found: np.voi
     progress = progress_of(ego, motions, p)
     return float(
         cfg.PROGRESS_WEIGHT * (min(progress / most_m, 1.0) if most_m > 1.0 else 1.0)
-        + (0.0 if found["touches"] else cfg.TTC_WEIGHT)
+        + (0.0 if assessment["touches"] else cfg.TTC_WEIGHT)
         + (cfg.COMFORT_WEIGHT if comfort else 0.0)
-        + cfg.CLEARANCE_WEIGHT * (1.0 - found["close"] / FRAMES)
+        + cfg.CLEARANCE_WEIGHT * (1.0 - assessment["close"] / FRAMES)
         - cfg.CENTRING_WEIGHT * min(off_middle_m / cfg.CENTRING_SCALE_M, 1.0)
     )
 
 
 @inner
-def _farthest(ego: np.void, motions: Motions, found: Records) -> int:
+def _farthest(ego: np.void, motions: Motions, assessments: Records) -> int:
     """Return the proposal with the largest progress of those that were not assessed; there must be one."""
     farthest = -1
-    for p in range(len(found)):
-        if found[p]["done"]:
+    for p in range(len(assessments)):
+        if assessments[p]["done"]:
             continue
         if farthest < 0 or progress_of(ego, motions, p) > progress_of(ego, motions, farthest):
             farthest = p
@@ -234,34 +234,34 @@ def best_proposal(ego: np.void, route: Records, others: Others, motions: Motions
     assessed, until the largest value is a score.
     """
     count, most_m = len(motions.of), 0.0
-    found, points, rolled = np.zeros(count, ASSESSMENT), np.empty(count), np.empty(FRAMES, ROLLED)
+    assessments, points, rolled = np.zeros(count, ASSESSMENT), np.empty(count), np.empty(FRAMES, ROLLED)
     for _ in range(count):
-        p = _farthest(ego, motions, found)
-        _assess(ego, route, others, motions, p, rolled, found[p])
-        if found[p]["allowed"]:
+        p = _farthest(ego, motions, assessments)
+        _assess(ego, route, others, motions, p, rolled, assessments[p])
+        if assessments[p]["allowed"]:
             most_m = max(most_m, progress_of(ego, motions, p))
             break
     for p in range(count):
-        points[p] = _points(ego, motions, p, most_m, found[p])
+        points[p] = _points(ego, motions, p, most_m, assessments[p])
     best = _largest(points)
-    while not found[best]["done"]:
-        _assess(ego, route, others, motions, best, rolled, found[best])
-        points[best] = _points(ego, motions, best, most_m, found[best])
+    while not assessments[best]["done"]:
+        _assess(ego, route, others, motions, best, rolled, assessments[best])
+        points[best] = _points(ego, motions, best, most_m, assessments[best])
         best = _largest(points)
-    return best if points[best] >= 0 else _least_bad(found)
+    return best if points[best] >= 0 else _least_bad(assessments)
 
 
 @inner
-def _least_bad(found: Records) -> int:
+def _least_bad(assessments: Records) -> int:
     """Return the proposal to follow if none is allowed, from the assessments [P] of all."""
     latest = 0
-    for p in range(len(found)):
-        latest = max(latest, found[p]["collides"])
+    for p in range(len(assessments)):
+        latest = max(latest, assessments[p]["collides"])
     emergency = latest < FRAMES and TIMES_S[min(latest, FRAMES - 1)] < cfg.EMERGENCY_S
     best = 0
-    for p in range(1, len(found)):
-        impact, least = found[p]["impact"], found[best]["impact"]
-        collides, latest = found[p]["collides"], found[best]["collides"]
+    for p in range(1, len(assessments)):
+        impact, least = assessments[p]["impact"], assessments[best]["impact"]
+        collides, latest = assessments[p]["collides"], assessments[best]["collides"]
         # For collisions within 2 s the impact speed decides first, for later ones the time of the collision.
         if emergency:
             better = impact < least or (impact == least and collides > latest)
