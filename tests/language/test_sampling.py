@@ -14,7 +14,7 @@ from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import Case, Cases, End, Param, ParamValue, Quantity, Require, Scenario
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.concretise import cases, concretise
-from foresee_dsl.language.sampling.draws import (
+from foresee_dsl.language.sampling import (
     TooFewError,
     axis_of,
     case_names,

@@ -15,7 +15,7 @@ from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.sampling.draws import case_names, draw
+from foresee_dsl.language.sampling import case_names, draw
 from foresee_dsl.language.traversal import PLAIN
 from foresee_dsl.language.units import UNITS
 

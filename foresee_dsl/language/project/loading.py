@@ -22,7 +22,7 @@ from foresee_dsl.language.project.concretise import cases, concretise, settled_n
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
-from foresee_dsl.language.sampling.draws import with_drawn_cases
+from foresee_dsl.language.sampling import with_drawn_cases
 from foresee_dsl.limits import most, raised_by
 
 DEPTH_LIMIT = 32
