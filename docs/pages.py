@@ -12,7 +12,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 from foresee_dsl.cli import app
-from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.codes import every_code
 
 COMMANDS = """# Commands
 

@@ -8,7 +8,6 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 _API = ("assess", "campaign", "conform", "findings", "load", "run", "Finding", "RunResult", "TestCase", "Verdict")
-_NAMED_LIKE_A_FOLDER = "campaign"
 
 
 def __getattr__(name: str) -> object:

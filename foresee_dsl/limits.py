@@ -24,7 +24,7 @@ class LimitError(ForeseeError):
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit: `default` is its default in `unit`; `what` says, for messages and the documentation, what is limited."""
+    """A limit: `default` is its default in `unit`; `what` says in the documentation what is limited."""
 
     name: str
     default: float
@@ -43,15 +43,15 @@ LIMITS = MappingProxyType(
                 "netconvert-memory",
                 450,
                 "MB",
-                "memory of netconvert or of SUMO that loads a map, and as much again for each 5 MB of the map",
+                "memory of netconvert, or of SUMO while it loads a map, plus as much for each 5 MB of the map (Linux)",
             ),
             # A CARLA town takes 0.2 to 3 s on a slow core; a run of a minute hangs.
-            Limit("netconvert-time", 60, "s", "wall time of one start of netconvert or of SUMO that loads a map"),
+            Limit("netconvert-time", 60, "s", "wall time of one start of netconvert, or of SUMO that loads a map"),
             # An OpenStreetMap extract of a town centre has 5 to 30 MB, the largest known CARLA town 4 MB, a network of
             # a city about 50 MB; the parsed tree of such a file takes ten times its size in memory.
-            Limit("file", 100, "MB", "size of a map, a network or another file that is read, unpacked too"),
+            Limit("file", 100, "MB", "size of a map, a network or another file that is read, also after unpacking"),
             # Ours, not measured: ten times the limit of a map, since this tool writes these files.
-            Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing"),
+            Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing run"),
             # Ours, not measured: ten times the largest file of the language, which a clip's record contains as text.
             Limit("record", 20, "MB", "unpacked size of one result in a store"),
             # The trace of a run of a minute with 40 actors has 3 MB of arrays; that of an hour with 20 actors has 100
@@ -61,9 +61,9 @@ LIMITS = MappingProxyType(
             # thousand to some million.
             Limit("recording", 10_000_000, "samples", "samples that are kept of a recording; an actor counts as ten"),
             # Two texts of 2 MB with the same 280,000 lines in another order took 26 s and 170 MB.
-            Limit("difference", 1, "MB", "size of a text that git-diff compares line by line"),
+            Limit("difference", 1, "MB", "size of a text that `git-diff` compares line by line"),
             # The largest bundled scenario has 100 cases; a case takes 2 kB.
-            Limit("cases", 20_000, "cases", "drawn cases of all files of one command"),
+            Limit("cases", 20_000, "cases", "sampled cases in all files of one command"),
             # The bundled town has 60 items; 2,000 items take a second to read and need 60 MB. Larger ones are maps,
             # which are imported.
             Limit("network", 2000, "items", "junctions, roads and buildings of a network in the language"),

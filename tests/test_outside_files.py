@@ -138,7 +138,7 @@ def test_files_are_opened_in_one_place() -> None:
     own = {
         "files.py",  # the helper itself
         "disk_cache.py", "kernels/compiling.py", "compile/nets/cache.py", "compile/nets/network_builder.py",
-        "compile/templates.py", "compile/foreign/networks.py", "compile/foreign/crosswalks.py",
+        "compile/templates.py", "compile/foreign/networks.py",
         "simulate/sumo_start.py", "campaign/import_closure.py", "campaign/keys.py", "campaign/steps/inputs.py",
         "campaign/folder.py",
         "campaign/profiling/tasks.py", "campaign/execution/processes.py", "campaign/storage/soundness.py",
@@ -148,7 +148,7 @@ def test_files_are_opened_in_one_place() -> None:
     }  # fmt: skip
     readers = (".read_bytes()", ".read_text(", '.open("rb")', "np.load(", "zlib.decompress(", "GzipFile(", "ZipFile(")
     allowed = {
-        ("simulate/npz.py", "ZipFile("),
+        ("simulate/trace.py", "ZipFile("),
         ("compile/nets/safe_xml.py", "GzipFile("),
         ("fmi/instance.py", "ZipFile("),  # bytes from read_outside; the unpacked size is limited too
         ("campaign/storage/store.py", '.open("rb")'),  # the head of a database that SQLite opened before

@@ -16,11 +16,9 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.documents import or_null
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.simulate.results.outcome import contact_of
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import RunResult, Verdict
-from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.results.verdict import RunRecord, RunResult, Verdict
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
-from foresee_dsl.simulate.sensing.sight import Sight
+from foresee_dsl.simulate.sensing.sight import Sight, in_view, sight_of
 from foresee_dsl.simulate.trace import Trace
 
 Parts = tuple[DriverPart, ...]

@@ -24,8 +24,8 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
-from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
+from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
 from foresee_dsl.story.ego import BRAKES_FOR_S, EASES_S, EGO_BRAKES_MPS2
 from foresee_dsl.story.facts import spans

@@ -10,8 +10,7 @@ from foresee_dsl.avoidance.comparison import NOT_COMPARED, Comparison, compared
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.documents import or_null
 from foresee_dsl.drivers.registry import sees_all
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import RunRecord, RunResult, Verdict
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
 
 

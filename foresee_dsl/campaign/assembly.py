@@ -1,4 +1,5 @@
-"""Assembles a campaign's result from the results in its store, with the names of this campaign."""
+"""Assembles a campaign's result from the results in its store, with the names of this campaign, and chooses from it the
+failures to minimise."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from typing import NamedTuple, TypedDict, assert_never
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.rounds import FIRST_WHY
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.node import StepNode
+from foresee_dsl.campaign.findings.grouping import findings_of
 from foresee_dsl.campaign.records import (
     CaseRunOutcome,
     ChildOutcome,
@@ -29,6 +30,7 @@ from foresee_dsl.campaign.stages import FAILED, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
@@ -232,3 +234,12 @@ def trace_of(data: bytes, test_case: str) -> bytes:
     """Return a packed trace whose metadata names this test case."""
     trace = Trace.load(io.BytesIO(data))
     return replace(trace, meta={**trace.meta, "test_case": test_case}).packed()
+
+
+def choose_representatives(stages: Stages) -> tuple[StepNode, ...]:
+    """Return the steps that minimise the findings' representatives; a test case that fails without mutation has none.
+
+    With a shard, only its own findings count.
+    """
+    findings = findings_of(assemble(stages, stages.out, failures=True))
+    return stages.choose({f.name for f in findings if isinstance(f.representative, ChildOutcome)})

@@ -10,10 +10,9 @@ from itertools import groupby
 
 import numpy as np
 
-from foresee_dsl.campaign.driving import driven, longest_s, new_driver
+from foresee_dsl.campaign.driving import TimedDriver, driven, longest_s, new_driver
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run, or_driver_error
-from foresee_dsl.campaign.timed_driver import TimedDriver
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
@@ -22,8 +21,7 @@ from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0

@@ -16,13 +16,11 @@ from foresee_dsl.drivers.registry import driver_names, name_in
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.forecast.registry import ranker_names
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.names import OUTSIDE
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import SUFFIX, absolute, is_inside, kind_of, parse_address, project_folder
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
-
-NOT_INSTALLED, NOTHING_THERE = "FS058", "FS059"
 
 NOBODY = "none"
 """The word in a campaign's file that means no reference driver."""
@@ -76,16 +74,16 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
         paths=tuple(dict.fromkeys(file for item in seeds for file in _paths(item, path.parent))),
         drivers=next((item.names for item in model.body if isinstance(item, m.Drivers)), ()),
         rankers=next((item.names for item in model.body if isinstance(item, m.Rankers)), ()),
-        settings=dict(_settings(model)),
+        settings=dict(_settings(model, path.parent)),
         against=next((item.names for item in model.body if isinstance(item, m.Against)), None),
         budget_s=budget,
     )
 
 
 def mistakes_of(document: Document, *, allow_outside: bool = False) -> tuple[Diagnostic, ...]:
-    """Return an error for each missing driver, ranker, preset and test case that a campaign's file names.
+    """Return an error for each missing driver, ranker, preset, test case and folder that a campaign's file names.
 
-    Test cases outside its project folder are errors too, unless `allow_outside`; their folders are not even read.
+    What lies outside its project folder is an error too, unless `allow_outside`; its folders are not even read.
     """
     if not isinstance(document.model, m.Campaign):
         return ()
@@ -103,17 +101,21 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
                 nobody = isinstance(item, m.Against) and item.names == (NOBODY,)
                 if plain not in installed and not nobody:
                     message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, installed)
-                    yield document.diagnostic(item, f"names.{k}", NOT_INSTALLED, message, help_)
+                    yield document.diagnostic(item, f"names.{k}", "FS058", message, help_)
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
             message, help_ = f"there is no preset '{item.name}'", did_you_mean(item.name, PRESETS)
-            yield document.diagnostic(item, "name", NOT_INSTALLED, message, help_)
-        elif isinstance(item, m.Seeds) and not allow_outside and _leads_outside(item.path, folder):
+            yield document.diagnostic(item, "name", "FS058", message, help_)
+        elif isinstance(item, m.Seeds | m.FirstFrom) and not allow_outside and _leads_outside(item.path, folder):
             message = f"'{item.path}' is outside the project folder '{project_folder(absolute(folder)).as_posix()}'"
             help_ = "move the files there, or allow it with `--allow-outside`"
-            yield document.diagnostic(item, "path", OUTSIDE, message, help_)
+            yield document.diagnostic(item, "path", "FS138", message, help_)
         elif isinstance(item, m.Seeds) and not _paths(item, folder):
             message, help_ = f"no scenario matches '{item.path}'", "paths begin at this file's own folder"
-            yield document.diagnostic(item, "path", NOTHING_THERE, message, help_)
+            yield document.diagnostic(item, "path", "FS059", message, help_)
+        elif isinstance(item, m.FirstFrom) and not os.path.isdir(folder / item.path):  # noqa: PTH112 - see is_campaign
+            message = f"there is no folder '{item.path}'"
+            help_ = "name the folder of a campaign, or of kept failures; paths begin at this file's own folder"
+            yield document.diagnostic(item, "path", "FS059", message, help_)
 
 
 def _leads_outside(path: str, folder: Path) -> bool:
@@ -166,11 +168,15 @@ def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
     return bool(parts) and fnmatchcase(parts[0], pattern[0]) and _fits(parts[1:], pattern[1:])
 
 
-def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:
-    """Yield the settings that the statements of a campaign set, each with its value."""
+def _settings(campaign: m.Campaign, folder: Path) -> Iterator[tuple[str, float | int | str]]:
+    """Yield the settings that the statements of a campaign set, each with its value; paths begin at `folder`."""
     kinds = get_type_hints(CampaignSettings)
     for item in campaign.body:
         for name, setting in getattr(item, "sets", {}).items():
             value = getattr(item, name)
-            number = value.si if isinstance(value, m.Quantity) else value
-            yield setting, int(number) if kinds[setting] is int else number
+            if isinstance(value, m.Quantity):
+                yield setting, int(value.si) if kinds[setting] is int else value.si
+            elif isinstance(item, m.FirstFrom):
+                yield setting, (folder / value).as_posix()
+            else:
+                yield setting, RulesMode(value) if kinds[setting] is RulesMode else value

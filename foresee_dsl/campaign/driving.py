@@ -1,4 +1,5 @@
-"""Compiles and simulates one test case with a driver; also names its files and bounds its simulated time."""
+"""Compiles and simulates one test case with a driver; also times the driver, names the test case's files and bounds its
+simulated time."""
 
 from __future__ import annotations
 
@@ -18,7 +19,16 @@ from foresee_dsl.drivers.external.process import kept_programs
 from foresee_dsl.drivers.kept import forget, nothing_kept, one_run
 from foresee_dsl.drivers.parts import DriverPart, ideal_parts
 from foresee_dsl.drivers.process_state import put_back, seed_globals
-from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
+from foresee_dsl.drivers.protocol import (
+    Closing,
+    Control,
+    Driver,
+    Mission,
+    Observation,
+    OwnDeadline,
+    Trajectory,
+    VehicleLimits,
+)
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
@@ -189,3 +199,39 @@ def longest_s(case: TestCase) -> float:
 def relative_path(target: Path, folder: Path) -> str:
     """Return the path of `target` from `folder`, relative and with forward slashes."""
     return Path(os.path.relpath(target.resolve(), folder.resolve())).as_posix()
+
+
+class TimedDriver:
+    """Passes every call on to a driver and measures how long its answers take.
+
+    Attributes:
+        reset_s: wall time of the last reset, s. step_s: wall time of each step since the last reset, s.
+    """
+
+    def __init__(self, driver: Driver) -> None:
+        self._driver = driver
+        self.name, self.version = driver.name, driver.version
+        self.reset_s, self.step_s = 0.0, list[float]()
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Reset the driver, whose name and version may change with that."""
+        self.step_s.clear()
+        started = time.perf_counter()
+        self._driver.reset(mission, vehicle, seed)
+        self.reset_s = time.perf_counter() - started
+        self.name, self.version = self._driver.name, self._driver.version
+
+    def step(self, observation: Observation) -> Control | Trajectory:
+        """Return the driver's answer."""
+        # Sensors are evaluated when the driver reads them, which must not count as the driver's time.
+        _ = (observation.actors, observation.signals, observation.ego)
+        started = time.perf_counter()
+        try:
+            return self._driver.step(observation)
+        finally:
+            self.step_s.append(time.perf_counter() - started)
+
+    def close(self) -> None:
+        """Close the driver, if it has a method `close`."""
+        if isinstance(self._driver, Closing):
+            self._driver.close()

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import networkx as nx
 
 from foresee_dsl.campaign.allocation.rounds import METHODS, Round
-from foresee_dsl.campaign.findings.representatives import choose_representatives
-from foresee_dsl.campaign.node import AnyStep, StepNode
+from foresee_dsl.campaign.assembly import choose_representatives
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import STEPS, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.step import AnyStep, StepNode
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import or_null, rounded
 

@@ -21,8 +21,7 @@ from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
 from foresee_dsl.documents import or_null, read_fields, read_record, rounded, where_set
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.goal import GoalMargin
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, RunRecord, Verdict
 from foresee_dsl.story import Story
 
 

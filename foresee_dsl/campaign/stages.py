@@ -18,7 +18,6 @@ from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.execution.pool import Task
 from foresee_dsl.campaign.goal import with_goal
 from foresee_dsl.campaign.keys import judged_identity, key, operators_identity, ranker_identity
-from foresee_dsl.campaign.node import AnyStep, StepNode
 from foresee_dsl.campaign.records import decode
 from foresee_dsl.campaign.settings import CampaignLimits, CampaignSettings, Shard
 from foresee_dsl.campaign.steps.case_run import CaseStep
@@ -27,7 +26,7 @@ from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RoundRequest
-from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Step, Work, run_steps
+from foresee_dsl.campaign.steps.step import AnyStep, ClipPart, KeyInputs, Step, StepNode, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase

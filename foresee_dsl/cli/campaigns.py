@@ -111,8 +111,8 @@ def campaign(
     from contextlib import ExitStack
     from functools import partial
 
+    from foresee_dsl.campaign.execution.engine import StoredCounts
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.profiling.stored import StoredCounts
     from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store

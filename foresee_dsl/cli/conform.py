@@ -31,7 +31,7 @@ def conform(
     from foresee_dsl.campaign.conformance.suite import conform as examine
     from foresee_dsl.drivers.consent import allow
     from foresee_dsl.drivers.deadlines import Deadlines
-    from foresee_dsl.report.terminal.conformance import print_conformance, tasks_progress
+    from foresee_dsl.report.terminal.drivers import print_conformance, tasks_progress
 
     allow(driver)  # the argument is a driver, never a file: naming a program here is consent, as with `--driver`
     with tasks_progress(common.console(error=True)) as done:

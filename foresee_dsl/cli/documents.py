@@ -28,8 +28,8 @@ from foresee_dsl.campaign.regression.keeping import Report as Kept
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.maintenance import MergeCounts, Statistics, Swept
-from foresee_dsl.campaign.triage.changes import CampaignChange
 from foresee_dsl.campaign.triage.decisions import Decision
+from foresee_dsl.campaign.triage.history import CampaignChange
 from foresee_dsl.campaign.triage.standing import Standing
 from foresee_dsl.cli.about import Finding as Examined
 from foresee_dsl.cli.options.common import SCHEMA_NUMBERS
@@ -40,13 +40,12 @@ from foresee_dsl.drivers.registry import DriverInfo
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import DerivedFile
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.unfired import UnfiredTrigger
-from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, UnfiredTrigger, Verdict
 
 _STANDING = {"standing": NotRequired[shape(Standing)]}
 """The key that `foresee campaign` prints but `campaign.json` does not have, with its type."""

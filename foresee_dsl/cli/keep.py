@@ -66,7 +66,7 @@ def keep(
     from dataclasses import replace
 
     from foresee_dsl.campaign.regression import keeping
-    from foresee_dsl.campaign.regression.sources import source_of
+    from foresee_dsl.campaign.regression.keeping import source_of
     from foresee_dsl.language.model import NAME_PATTERN
 
     wanted = list(dict.fromkeys(what or ()))

@@ -167,7 +167,7 @@ def diagnose(
     from foresee_dsl.campaign.findings.diagnosing import all_failing, failing_named
     from foresee_dsl.campaign.findings.diagnosing import diagnose as run_diagnoses
     from foresee_dsl.errors import ForeseeError
-    from foresee_dsl.report.terminal.diagnosis import counts_text, diagnosis_text
+    from foresee_dsl.report.terminal.review import counts_text, diagnosis_text
 
     if every == (finding is not None):
         raise typer.BadParameter("name one finding, or write --all", param_hint="FINDING")

@@ -55,7 +55,7 @@ def report(
             typer.echo(str(file))
         case _:
             from foresee_dsl.report.page.contents import contents_of
-            from foresee_dsl.report.page.plain import as_text
+            from foresee_dsl.report.page.markdown import as_text
             from foresee_dsl.report.page.runs import Reader
 
             contents = contents_of(folders, Reader(plays=False))

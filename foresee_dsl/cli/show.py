@@ -248,7 +248,7 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
         way = Pictures.NONE if os.environ.get("NO_COLOR") else detect()
     if way is Pictures.NONE:
         return ""
-    from foresee_dsl.report.drawing.png import png_of_svg
+    from foresee_dsl.report.drawing.svg import png_of_svg
     from foresee_dsl.report.strip import svg_of
 
     try:
@@ -260,7 +260,7 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
 
 
 def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -> None:
-    from foresee_dsl.report.drawing.png import png_of_svg
+    from foresee_dsl.report.drawing.svg import png_of_svg
     from foresee_dsl.report.strip import svg_of
 
     per_row = 3 if len(strips) == 1 else 6  # the moments of a mutant stand right below those of its parent

@@ -41,7 +41,7 @@ def sure(
     from foresee_dsl.campaign.findings.sureness import keep_sureness
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.terminal.live import bars
-    from foresee_dsl.report.terminal.sureness import sureness_text
+    from foresee_dsl.report.terminal.review import sureness_text
 
     failing = failing_named(finding, campaign, driver=driver, seed=seed, run_programs=run_programs)
     with bars(console(error=True)) as progress:

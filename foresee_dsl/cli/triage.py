@@ -118,7 +118,7 @@ def history(
     [dim]foresee history
     foresee history out --html out/history.html[/dim]
     """
-    from foresee_dsl.campaign.triage.changes import changes_of
+    from foresee_dsl.campaign.triage.history import changes_of
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.history import history_table
 

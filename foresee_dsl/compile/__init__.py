@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.bundle import SumoBundle
     from foresee_dsl.language.project.document import TestCase
 
-__all__ = ["compile_test_case", "placement_lints", "placement_mistakes"]
+__all__ = ["compile_test_case", "placement_lints", "placement_mistakes", "with_placements"]
 
 
 @Part.COMPILE.measured
@@ -30,6 +30,20 @@ def compile_test_case(case: TestCase) -> SumoBundle:
     from foresee_dsl.compile.compiler import compile_case
 
     return compile_case(case)
+
+
+def with_placements(diagnostics: Iterable[Diagnostic], cases: Sequence[TestCase]) -> tuple[Diagnostic, ...]:
+    """Return the diagnostics of a check without networks, followed by those that show only on the networks of its test
+    cases; a lint that an error on the network repeats is left out."""
+    mistakes = placement_mistakes(cases)
+    too_fast = {(d.path, d.span.line) for d in mistakes if d.code == "FS256" and d.span is not None}
+
+    def is_repeated(diagnostic: Diagnostic) -> bool:
+        if diagnostic.code == "FS308" and diagnostic.span is not None:  # above the model's speed, as FS256
+            return (diagnostic.path, diagnostic.span.line) in too_fast
+        return diagnostic.code == "FS309"  # only the network decides whether a route has a gap
+
+    return (*(d for d in diagnostics if not is_repeated(d)), *mistakes, *placement_lints(cases))
 
 
 def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:

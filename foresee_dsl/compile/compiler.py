@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Signal, SlipperyPatch, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
@@ -19,6 +18,7 @@ from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.errors import CompileError, Diagnostic, InputError
 from foresee_dsl.files import cache_folder, write_whole
 from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import diagnostic_of
 from foresee_dsl.language.model import Network
 from foresee_dsl.language.project.document import Document, PlacementError, Problem, TestCase
 from foresee_dsl.language.traversal import walk
@@ -125,14 +125,14 @@ def warnings_of(case: TestCase) -> tuple[Diagnostic, ...]:
     except PlacementError:
         return ()
     named: set[tuple[int, str]] = set()
-    return tuple(replace(_diagnostic(case, problem, named), severity="warning") for problem in problems)
+    return tuple(_diagnostic(case, problem, named) for problem in problems)
 
 
 def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnostic:
     closed = "1 place, which is closed" if len(faults) == 1 else f"{len(faults)} places, which are closed"
-    problem = Problem("", "use_network", codes.BROKEN,
+    problem = Problem("", "use_network", "FS260",
                       f"the map {network} is broken at {closed}: {'; '.join(faults)}", _CORRECT)  # fmt: skip
-    return replace(_diagnostic(case, problem, set()), severity="warning")
+    return _diagnostic(case, problem, set())
 
 
 def _builder(case: TestCase, net_file: Path) -> tuple[SceneBuilder, Mapping[str, ModelSpec]]:
@@ -229,7 +229,7 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
 def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:
     document = case.document
     if document is None:
-        return Diagnostic.of(problem.code, problem.message, problem.help, case.id)
+        return diagnostic_of(problem.code, problem.message, problem.help, case.id)
     item, field = _place(document, problem)
     if item is not None and (problem.about or problem.part is not None):
         item, field = _named(document, item, problem, named) or (item, field)

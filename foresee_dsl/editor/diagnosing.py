@@ -24,11 +24,9 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
         result = check_paths([str(path)], {**overlay, path: text})
         if not places:
             return result.diagnostics
-        from foresee_dsl.compile import placement_lints, placement_mistakes
-        from foresee_dsl.language.lints.lint import without_repeated
+        from foresee_dsl.compile import with_placements
 
-        merged = without_repeated(result.diagnostics, placement_mistakes(result.cases))
-        return (*merged, *placement_lints(result.cases))
+        return with_placements(result.diagnostics, result.cases)
     except InputError as error:
         return error.diagnostics
     except ForeseeError as error:

@@ -8,20 +8,20 @@ from functools import cache, partial
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
-from foresee_dsl.editor.answers.expression_results import results
 from foresee_dsl.editor.answers.fixes import fixes, with_names_of
 from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.completion import Suggestion, complete
 from foresee_dsl.editor.diagnosing import find, find_alone
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import hover as hover_of
+from foresee_dsl.editor.hover import results
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.protocol.rpc import Json, RequestError
-from foresee_dsl.editor.protocol.uris import is_file, path_of
 from foresee_dsl.editor.server import TOKEN_TYPES
-from foresee_dsl.editor.session import SOURCE, Session, with_help
+from foresee_dsl.editor.session import SOURCE, Session, is_file, path_of, with_help
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.language.codes import NEED_THE_NETWORK
 from foresee_dsl.language.parser import format_text
 
 # Numbers of the protocol (3.17): CompletionItemKind, SymbolKind.
@@ -206,7 +206,7 @@ def code_actions(session: Session, params: Json) -> list[Json]:
         if diagnostic.get("source") != SOURCE:
             continue
         span = places.span(diagnostic["range"])
-        check = partial(check_text, placed=str(diagnostic.get("code", "")) in _PLACED)
+        check = partial(check_text, placed=str(diagnostic.get("code", "")).startswith(NEED_THE_NETWORK))
         meant = _meant(diagnostic, span, check(session.text(uri)))
         offered = fixes(meant, span, places, check, adapt) if meant is not None else ()
         for k, fix in enumerate(offered):
@@ -228,15 +228,6 @@ def _meant(sent: Json, span: Span, diagnostics: Iterable[Diagnostic]) -> Diagnos
         key=lambda diagnostic: abs(diagnostic.span.line - span.line) if diagnostic.span is not None else 0,
         default=None,
     )
-
-
-def _placed_codes() -> frozenset[str]:
-    from foresee_dsl.compile import codes
-
-    return frozenset(value for name, value in vars(codes).items() if name.isupper() and isinstance(value, str))
-
-
-_PLACED = _placed_codes()
 
 
 def semantic_tokens(session: Session, params: Json) -> Json:

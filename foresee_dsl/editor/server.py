@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from foresee_dsl import __version__
 from foresee_dsl.editor.protocol.rpc import LATER, Connection, Handler, Json, RequestError, serve
-from foresee_dsl.editor.protocol.uris import path_of
-from foresee_dsl.editor.session import Session
+from foresee_dsl.editor.session import Session, path_of
 
 if TYPE_CHECKING:
     from foresee_dsl.editor.protocol.positions import Encoding
@@ -121,24 +121,22 @@ class Server:
         return handle
 
     def _page(self, params: Json) -> Json:
-        from foresee_dsl.editor.answers.drawing import page
+        from foresee_dsl.report.picture.answer import page_of
 
         nonce = str(params.get("nonce", ""))
         if not nonce.replace("-", "").replace("_", "").isalnum():
             raise RequestError("the page needs a nonce of letters and digits")
-        return {"html": page(nonce)}
+        return {"html": page_of(nonce, title="foresee", connect="")}
 
     def _draw(self, params: Json) -> object:
         """Draw in another thread, as netconvert takes some tenths of a second for a new network."""
-        from foresee_dsl.editor.answers.drawing import picture
-
         path, overlay, request = path_of(params["textDocument"]["uri"]), self._session.overlay(), params["foresee/id"]
         if isinstance(params.get("text"), str):
             overlay[path] = params["text"]
 
         def work() -> None:
             try:
-                self._connection.reply(request, picture(path, overlay, params))
+                self._connection.reply(request, _picture(path, overlay, params))
             except Exception as error:  # our own faults are answered too, as the page would wait for ever
                 message = f"foresee has a fault: {type(error).__name__}: {error}"
                 mistake = {"message": message, "path": "", "line": 0, "column": 0}
@@ -146,6 +144,19 @@ class Server:
 
         self._drawing.submit(work)
         return LATER
+
+
+def _picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
+    """Return the picture of a file with the editor's texts, or its errors."""
+    from foresee_dsl.report.picture.answer import answer
+
+    return answer(
+        path,
+        overlay,
+        case=str(params.get("case") or ""),
+        width=float(params.get("width") or 720),
+        whole=bool(params.get("whole")),
+    )
 
 
 def _capabilities(encoding: str) -> Json:

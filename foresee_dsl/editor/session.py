@@ -1,7 +1,9 @@
-"""The session of an editor: holds the open texts, checks them when they change, and sends their diagnostics."""
+"""The session of an editor: holds the open texts by their addresses (`file:`, or of texts that were never saved),
+checks them when they change, and sends their diagnostics."""
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -9,14 +11,41 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote, urlsplit
+from urllib.request import url2pathname
 
 from foresee_dsl.editor.protocol.rpc import Connection, Json
-from foresee_dsl.editor.protocol.uris import absolute, is_file, path_of, uri_of
 from foresee_dsl.errors import Diagnostic
 
 if TYPE_CHECKING:
     from foresee_dsl.editor.files import Files
     from foresee_dsl.editor.protocol.positions import Encoding, Positions
+
+
+def _absolute(path: Path) -> Path:
+    """Return an absolute, normalised path, like the language's `addresses.absolute`, without importing that."""
+    return Path(os.path.abspath(path))  # noqa: PTH100 - symbolic links stay as they are
+
+
+def is_file(uri: str) -> bool:
+    """Return whether an address is that of a file."""
+    return uri.startswith("file:")
+
+
+def path_of(uri: str) -> Path:
+    """Return the path of a document; for one that was never saved, a path that does not exist."""
+    if not is_file(uri):
+        return Path("/") / uri.replace("/", "_").replace(":", "_")
+    parts = urlsplit(uri)
+    host = f"//{parts.netloc}" if parts.netloc and parts.netloc != "localhost" else ""
+    path = unquote(parts.path) if os.name != "nt" else url2pathname(parts.path)
+    return _absolute(Path(host + path))
+
+
+def _uri_of(path: Path) -> str:
+    """Return a file's address."""
+    return "file://" + quote(path.as_posix(), safe="/:@-._~!$&'()*+,;=") if os.name != "nt" else path.as_uri()
+
 
 SOURCE = "foresee"
 _PAUSE_S = 0.2
@@ -84,7 +113,7 @@ class Session:
 
     def uri(self, path: Path) -> str:
         """Return a file's address, in the editor's own spelling if the file is open."""
-        return next((document.uri for document in self.documents() if document.path == path), uri_of(path))
+        return next((document.uri for document in self.documents() if document.path == path), _uri_of(path))
 
     def overlay(self) -> dict[Path, str]:
         """Return the texts of all open documents, by their absolute paths."""
@@ -210,7 +239,7 @@ class Session:
         here = self._places(document.text)
         elsewhere: dict[Path, list[Diagnostic]] = {}
         for diagnostic in diagnostics:
-            file = absolute(Path(diagnostic.path)) if diagnostic.path else document.path
+            file = _absolute(Path(diagnostic.path)) if diagnostic.path else document.path
             if file == document.path:
                 yield diagnostic_json(diagnostic, here.range(diagnostic.span))
             else:
@@ -222,7 +251,7 @@ class Session:
         """Return the diagnostic of another file's errors, at the place where this document names that file."""
         files = self.files(document.uri)
         folder = document.path.parent
-        uses = (o.span for o in files.names(document.path) if o.kind == "file" and absolute(folder / o.name) == file)
+        uses = (o.span for o in files.names(document.path) if o.kind == "file" and _absolute(folder / o.name) == file)
         there = self._places(files.text(file) or "")
         first = next((d for d in diagnostics if d.severity == "error"), diagnostics[0])
         message = f"'{file.name}' has an error: {first.message}"

@@ -6,14 +6,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.kernels import lines
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.boxes import ever_within, gaps_to_first
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
-
-IntArray = NDArray[np.intp]
 
 
 def footprints(trace: Trace, actor: int) -> FloatArray:

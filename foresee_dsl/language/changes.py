@@ -12,14 +12,6 @@ from pydantic import ValidationError
 
 from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.names import (
-    BAD_CHANGE,
-    MIXED_KINDS,
-    NOT_IN_PARENT,
-    UNKNOWN_ACTOR,
-    UNKNOWN_PROPERTY,
-    WRONG_WAS,
-)
 from foresee_dsl.language.lints.logic import weaker
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
@@ -57,7 +49,7 @@ def changed_body(
     named = isinstance(change.now, str) and change.now in parameters
     now: _Value = m.Ref(name=str(change.now)) if named else change.now
     if isinstance(now, m.EXPRESSIONS) and (problem := _mixed(now, body)):
-        findings.add(change, "now", MIXED_KINDS, *problem)
+        findings.add(change, "now", "FS062", *problem)
         return body
     try:
         if change.actor in m.OWNERS:
@@ -69,7 +61,7 @@ def changed_body(
         return body
     except ValidationError as error:
         message = f"{_label(change)} cannot be {value_text(change.now)}: {complaint(error)}"
-        findings.add(change, "now", BAD_CHANGE, message)
+        findings.add(change, "now", "FS124", message)
         return body
     model = new.model if isinstance(new, Participant) and change.property == "model" else None
     if models is not None and isinstance(new, Participant) and isinstance(model, str):
@@ -116,7 +108,7 @@ def _check_was(change: m.Change, has: _Value, place: str) -> None:
     if not same_value(has, was):
         text = value_text(has)
         message = f"{_label(change)} is {text} in {place} now, not {value_text(change.was)}"
-        raise _RefusedError("was", WRONG_WAS, message, f"write `change {_label(change)}: {text} => ...`")
+        raise _RefusedError("was", "FS123", message, f"write `change {_label(change)}: {text} => ...`")
 
 
 def _of_actor(
@@ -130,26 +122,26 @@ def _of_actor(
     actors = {item.name: item for item in body if isinstance(item, m.Ego | m.Actor)}
     if change.actor not in actors:
         help = did_you_mean(change.actor, actors)
-        raise _RefusedError("actor", UNKNOWN_ACTOR, f"there is no actor '{change.actor}'", help)
+        raise _RefusedError("actor", "FS037", f"there is no actor '{change.actor}'", help)
     actor, rule = actors[change.actor], m.PROPERTIES.get(change.property)
     if rule is None:
         help = did_you_mean(change.property, m.PROPERTIES)
         raise _RefusedError(
-            "property", UNKNOWN_PROPERTY, f"an actor has no property '{change.property}' that a change can name", help
+            "property", "FS006", f"an actor has no property '{change.property}' that a change can name", help
         )
     if isinstance(actor, m.Ego) and not rule.for_ego:
         message = f"the ego's {change.property} cannot change, because the driver under test drives it"
-        raise _RefusedError("actor", BAD_CHANGE, message, "name another actor")
+        raise _RefusedError("actor", "FS124", message, "name another actor")
     if isinstance(actor, m.Actor) and _item_of(actor, m.Track) is not None:
         _check_beside_track(change, rule)
     has = _had(actor, change.property, rule)
     if has is None:
         message = f"{actor.name} has no {change.property} that can change"
         help = f"replace its whole statement: `change {actor.kind} {actor.name}: ...`" if models is None else ""
-        raise _RefusedError("property", BAD_CHANGE, message, help)
+        raise _RefusedError("property", "FS124", message, help)
     _check_was(change, has, place)
     if isinstance(now, m.Quantity) and change.property != "model" and not rule.accepts(now.si):
-        raise _RefusedError("now", BAD_CHANGE, f"{_label(change)} cannot be {value_text(now)}", rule.needs)
+        raise _RefusedError("now", "FS124", f"{_label(change)} cannot be {value_text(now)}", rule.needs)
     return actor, _changed(actor, change, now, rule)
 
 
@@ -157,10 +149,10 @@ def _check_beside_track(change: m.Change, rule: m.Property) -> None:
     """Refuse a change of what the recorded track of an actor decides."""
     if rule.statement is not None and rule.statement[0] not in m.BESIDE_TRACK:
         message = f"{change.actor} follows its track, so its {change.property} cannot change"
-        raise _RefusedError("property", BAD_CHANGE, message, "change its timing, delay, line, brakes or model")
+        raise _RefusedError("property", "FS124", message, "change its timing, delay, line, brakes or model")
     if change.property == "line" and (change.start is not None or change.duration is not None):
         message = f"{change.actor} follows its track, so its line cannot have times"
-        raise _RefusedError("start" if change.start is not None else "duration", BAD_CHANGE, message, "leave them out")
+        raise _RefusedError("start" if change.start is not None else "duration", "FS124", message, "leave them out")
 
 
 def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.VehicleModel | None) -> Participant:
@@ -200,27 +192,27 @@ def _of_scenario(
         help = (
             f"replace the whole expectation in a scenario that extends this one: `change expect {change.property}: ...`"
         )
-        raise _RefusedError("property", BAD_CHANGE, message, help)
+        raise _RefusedError("property", "FS124", message, help)
     _check_was(change, has, place)
     if change.actor == "weather" and isinstance(now, m.Quantity) and not 0 <= now.si <= 1:
         message = f"{_label(change)} cannot be {value_text(now)}"
-        raise _RefusedError("now", BAD_CHANGE, message, "write a number from 0 (none) to 1 (the strongest)")
+        raise _RefusedError("now", "FS124", message, "write a number from 0 (none) to 1 (the strongest)")
     if isinstance(has, m.Quantity | str) and isinstance(now, m.Quantity | str) and not same_kind(has, now):
         message = f"{_label(change)} is {value_text(has)}, so it cannot change to {value_text(now)}"
-        raise _RefusedError("now", BAD_CHANGE, message, "give it a value of the same kind")
+        raise _RefusedError("now", "FS124", message, "give it a value of the same kind")
     return item, _written(change, now, item)
 
 
 def _not_there(change: m.Change, body: tuple[m.ScenarioItem, ...], place: str) -> _RefusedError:
     if change.actor == "end":
-        return _RefusedError("property", NOT_IN_PARENT, f"{place} has no `end`", "write " + write("add end after 60 s"))
+        return _RefusedError("property", "FS126", f"{place} has no `end`", "write " + write("add end after 60 s"))
     if change.actor == "param":
         names = [item.name for item in body if isinstance(item, m.Param)]
         help = did_you_mean(change.property, names) or "it has no parameters"
-        return _RefusedError("property", NOT_IN_PARENT, f"{place} has no parameter '{change.property}'", help)
+        return _RefusedError("property", "FS126", f"{place} has no parameter '{change.property}'", help)
     named = [item.name for item in body if isinstance(item, m.Expect) and item.name is not None]
     help = did_you_mean(change.property, named) or "give the expectation a name where it is written: `expect safe: ...`"
-    return _RefusedError("property", NOT_IN_PARENT, f"{place} has no expectation called '{change.property}'", help)
+    return _RefusedError("property", "FS126", f"{place} has no expectation called '{change.property}'", help)
 
 
 def _owner(change: m.Change, body: tuple[m.ScenarioItem, ...]) -> m.ScenarioItem | None:

@@ -16,7 +16,7 @@ from foresee_dsl.errors import Diagnostic, ForeseeError
 from foresee_dsl.plugins import PluginGroup
 
 if TYPE_CHECKING:
-    from foresee_dsl.language.codes.code import Code
+    from foresee_dsl.language.codes import Code
     from foresee_dsl.report.builds.case_results import CaseResult
 
 PEOPLE = ("text", "full", "table")
@@ -59,7 +59,7 @@ class CommandReport:
     def codes(self) -> Mapping[str, Code]:
         """Return the explanations of the diagnostics' codes, by code."""
         if self.mistakes is not None:
-            from foresee_dsl.language.codes.code import every_code
+            from foresee_dsl.language.codes import every_code
 
             return every_code()
         from foresee_dsl.report.builds.case_results import rules

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.triage.changes import CampaignChange
+from foresee_dsl.campaign.triage.history import CampaignChange
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.html import rendered

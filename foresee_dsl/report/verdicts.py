@@ -1,14 +1,16 @@
-"""Counts failed runs by kind in one line, which is the headline of every report of runs."""
+"""Lines that all reports of runs share: the headline, which counts failed runs by kind, endings, rules that were
+broken, and triggers that never fired."""
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, UnfiredTrigger, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
@@ -94,3 +96,29 @@ def not_deterministic(driver: str, rates: Sequence[str]) -> str:
         f"{driver} is not deterministic: {differing} of {counted(len(rates), 'finding')} ended differently in another "
         "process; k/n says how many runs fail"
     )
+
+
+_NEVER = "  never   "
+
+
+def unfired_lines(triggers: Iterable[UnfiredTrigger], width: int) -> Iterator[Text]:
+    """Yield the triggers and steps that never fired and how near they came, in lines of at most `width` columns (0: one
+    line each)."""
+    for trigger in triggers:
+        alone = len(trigger.nearest) == 1 and trigger.nearest[0].text == trigger.text
+        label = f"{trigger.name}: " if trigger.name else ""
+        head = f"{'then when' if trigger.where else 'when'} {label}`{trigger.text}`"
+        yield from _broken(f"{head}; {trigger.nearest[0].words}" if alone else head, _NEVER, width)
+        if trigger.together:
+            yield Text("            each part held at some time, but never all; when most did:", style="dim")
+        for part in () if alone else trigger.nearest:
+            yield from _broken(f"`{part.text}`: {part.words}", " " * 12, width)
+
+
+def _broken(text: str, begins: str, width: int) -> Iterator[Text]:
+    """Yield a sentence after `begins`, in lines; the second and later lines are indented by two columns more."""
+    whole = safe(text, WHOLE)
+    room = max(width - len(begins) - 2, 20)
+    first, *rest = textwrap.wrap(whole, room, break_on_hyphens=False) if width and whole else [whole]
+    yield Text.assemble((begins, "yellow"), (first, "dim" if not begins.strip() else ""))
+    yield from (Text(f"{' ' * (len(begins) + 2)}{more}", style="dim") for more in rest)

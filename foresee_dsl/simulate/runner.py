@@ -31,7 +31,7 @@ from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
-from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
+from foresee_dsl.simulate.sensing.sight import LinesOfSight
 from foresee_dsl.simulate.trace import STEP_S, WAYPOINT_M, Trace
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions

@@ -18,8 +18,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.compile.styles import STYLES
+from foresee_dsl.compile.bundle import STYLES, PlacedActor, SumoBundle
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.measuring import Part

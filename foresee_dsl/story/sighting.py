@@ -9,7 +9,7 @@ import numpy as np
 
 from foresee_dsl.compile.roads.polyline import crosses
 from foresee_dsl.kernels.boxes import overlaps_of
-from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from foresee_dsl.simulate.trace import HEADING, STEP_S, X, Y
 from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.story import LOOKS_BACK_S

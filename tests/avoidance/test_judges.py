@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
+from pkgutil import walk_packages
 
 import pytest
 
+from foresee_dsl import avoidance
 from foresee_dsl.avoidance import judges
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
-from foresee_dsl.avoidance.judge import Failure, Judgement, Opinion
+from foresee_dsl.avoidance.judge import ANTICIPATING, R157, Failure, Judge, Judgement, Opinion
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceDriver
 from foresee_dsl.campaign.driving import run_test_case
@@ -47,7 +50,7 @@ def test_a_further_judge_is_asked_stored_and_shown(
     struck: tuple[TestCase, RunResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = explained(*struck).judgements
-    assert [found.name for found in before] == ["R157's driver", "an anticipating driver"]
+    assert decode(encode(child(before)), ChildOutcome) == child(before)
     monkeypatch.setattr(judges, "JUDGES", (*judges.JUDGES, EarlyBird()))
     after = explained(*struck).judgements
     assert after[:-1] == before
@@ -56,7 +59,16 @@ def test_a_further_judge_is_asked_stored_and_shown(
     assert decode(encode(made), ChildOutcome) == made
     assert made.avoidable
     assert "an early bird: there before: other came too late for it" in _details(made)
-    assert (made.preventability, made.anticipation) == before
+    assert {R157, ANTICIPATING} <= {found.name for found in before}
+    assert {made.preventability, made.anticipation} <= {*before}
+
+
+def test_every_judge_is_asked() -> None:
+    modules = walk_packages(avoidance.__path__, f"{avoidance.__name__}.")
+    every = {kind for module in modules for kind in vars(import_module(module.name)).values() if isinstance(kind, type)}
+    of_one_driver = {ReferenceDriver}
+    classes = {kind for kind in every if "judge" in vars(kind)} - {Judge} - of_one_driver
+    assert classes == {type(judge) for judge in judges.JUDGES}
 
 
 def test_every_kind_of_answer_is_read_again_as_what_it_was() -> None:

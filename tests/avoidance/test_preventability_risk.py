@@ -18,7 +18,7 @@ from foresee_dsl.avoidance.r157.risk import (
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import Mover, box_overlap
 from foresee_dsl.simulate.results.outcome import who_struck
-from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, YAW_RATE, X
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from tests.support.scenes import Cruise, Town
 from tests.support.worlds import VAN
 

@@ -17,6 +17,7 @@ from foresee_dsl.cli.options.campaign_options import option_name, options_of_set
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
+from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.model.item import Bounds
 from tests.support import command
 from tests.support.small_campaign import write_project
@@ -61,6 +62,15 @@ def test_what_it_says_is_what_is_done(project: Path) -> None:
     assert is_campaign(str(project / "nightly.foresee"))
 
 
+def test_rules_and_a_folder_of_failures_whose_path_begins_at_the_file(project: Path) -> None:
+    (project / "out" / "earlier").mkdir(parents=True)
+    text = NIGHTLY.replace("seed 7", 'rules report\n  first_from "out/earlier"')
+    settings = read_campaign(written(project, text)).settings
+    assert settings["rules"] is RulesMode.REPORT and settings["first_from"] == (project / "out/earlier").as_posix()
+    said = foresee("campaign", project / "nightly.foresee", "--out", project / "other", expect=1)
+    assert "has no failing mutants: name the folder of a campaign, or of kept failures" in " ".join(said.split())
+
+
 def test_addresses_and_several_lines(project: Path) -> None:
     (scenario,) = (p for p in project.rglob("*.foresee"))
     name = scenario.relative_to(project).as_posix()
@@ -80,6 +90,9 @@ def test_addresses_and_several_lines(project: Path) -> None:
         ('seeds "**"', "repeat 2", "FS057", "name the test cases to run"),
         ("children 1", "children 1\n  children 2", "FS047", ""),
         ("budget 10 min", "budget 10 m", "FS010", "a time"),
+        ("budget 10 min", "rules reported", "FS012", "did you mean 'report'?"),
+        ("budget 10 min", 'first_from "out/none"', "FS059", "a campaign, or of kept failures"),
+        ("budget 10 min", 'first_from "../.."', "FS138", "--allow-outside"),
     ],
 )
 def test_mistakes_are_shown_where_they_are(project: Path, line: str, instead: str, code: str, words: str) -> None:
@@ -148,8 +161,6 @@ IN_NO_FILE = {
     "against": "the statement `against` names several",
     "fidelity_limit_m": "it has no option either",
     "handover_s": "each driver asks for its own",
-    "rules": "only an option so far",
-    "first_from": "only an option so far",
 }
 """The settings that no statement sets, each with the reason. A new setting needs a statement, or a reason here."""
 

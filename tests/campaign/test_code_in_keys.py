@@ -38,7 +38,7 @@ EDITS = {
     "forecast/protocol.py": {"forecast", "mutants", "minimise", "minimised_reference", "foresee", "random"},
     "derive/clipping/clip.py": {"forecast", "minimise", "minimised_reference"},
     "derive/clipping/fidelity.py": {"clip", "minimise", "minimised_reference"},
-    "derive/minimise/reductions.py": {"minimise", "minimised_reference"},
+    "derive/minimise/minimise.py": {"minimise", "minimised_reference"},
     "derive/operators/steer.py": {"mutants"},
     "campaign/records.py": ALL,
     "campaign/steps/child.py": {"child", "minimise", "reference", "minimised_reference"},

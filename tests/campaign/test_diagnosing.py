@@ -24,7 +24,7 @@ from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_id
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.report.terminal.diagnosis import diagnosis_text
+from foresee_dsl.report.terminal.review import diagnosis_text
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Event
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight

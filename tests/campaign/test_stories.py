@@ -20,8 +20,7 @@ from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.findings.review import review_of
 from foresee_dsl.campaign.plan import plan_campaign
-from foresee_dsl.campaign.regression.keeping import keep
-from foresee_dsl.campaign.regression.sources import source_of
+from foresee_dsl.campaign.regression.keeping import keep, source_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
@@ -32,6 +31,8 @@ from foresee_dsl.language.model import Change, Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.expand import expanded_text
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from foresee_dsl.report.page.html import write_report
+from foresee_dsl.report.page.markdown import write_markdown
 from tests.campaign.test_allocation import HeardRounds
 from tests.support.small_campaign import SETTINGS, campaign, published, write_project
 
@@ -79,6 +80,10 @@ def test_there_are_as_many_children_as_with_even_and_each_says_why_it_was_made(
     mutant = parse((out / finding.file).read_text(), "mutant").model
     assert isinstance(mutant, Mutant) and mutant.origin is not None and mutant.origin.why == why
     assert review_of(find_failure(finding.name, out)).why == why
+    write_report([out], out / "report.html")
+    write_markdown([out], out / "report.md")
+    for page in ("report.html", "report.md"):
+        assert why.split(":")[0] in (out / page).read_text(encoding="utf-8")
 
 
 def test_a_child_that_came_near_is_forecast_and_gets_a_further_change(

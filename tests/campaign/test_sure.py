@@ -26,7 +26,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.report.page.html import write_report
 from foresee_dsl.report.page.markdown import write_markdown
-from foresee_dsl.report.terminal.sureness import sureness_text
+from foresee_dsl.report.terminal.review import sureness_text
 from tests.support import command
 from tests.support.first_project import checked
 from tests.support.small_campaign import campaign, write_project

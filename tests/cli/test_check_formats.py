@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from foresee_dsl.cli import app
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import meant_word
-from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.codes import every_code
 from foresee_dsl.report.builds.github import render_github
 from foresee_dsl.report.builds.sarif import to_sarif
 from tests.support.code_frames import FRAMES, example

@@ -10,7 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.report.formats import OURS, CommandReport, rendered
 
 PAGE = (Path(__file__).parents[2] / "docs" / "guide" / "ci.md").read_text(encoding="utf-8")
@@ -67,6 +69,21 @@ def test_a_format_of_another_package_is_for_every_command_that_reports(site: Pat
         assert foresee(site, *words, "--format", "lines").stdout.startswith(first), words
     foresee(site, "sample", file, "--format", "lines", "--output", site / "sample.txt")
     assert (site / "sample.txt").read_text().startswith("sample: file")
+
+
+def test_every_command_that_has_formats_accepts_those_of_other_packages(
+    site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(site))
+    offered = {}
+    for _, name, _ in COMMANDS:
+        refused = CliRunner().invoke(app, [name, "--format", "nonsense"], env={"COLUMNS": "400"}).output
+        if "'nonsense' is not one of" in refused:
+            offered[name] = set(re.findall(r"'(\w+)'", refused.partition("is not one of")[2]))
+    assert all("lines" in formats for formats in offered.values()), offered
+    named = PAGE.partition("Every command with `--format` accepts\nit: ")[2].partition(".")[0]
+    assert set(re.findall("`(.+?)`", named)) == offered.keys(), "docs/guide/ci.md lists the commands with --format"
+    assert {name for formats in offered.values() for name in formats} >= OURS.keys(), "no command offers one of ours"
 
 
 def test_a_missing_or_broken_format_is_named_with_its_package(site: Path, scenarios: Path) -> None:

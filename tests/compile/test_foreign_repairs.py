@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
 from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.foreign.opendrive_reading import crosswalks_of
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.netconvert import run_netconvert
 from foresee_dsl.compile.nets.signals import read_signals

@@ -8,9 +8,8 @@ from xml.etree import ElementTree
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.foreign.geometry_faults import faults_of
-from foresee_dsl.compile.foreign.geometry_lines import rounded
-from foresee_dsl.compile.foreign.geometry_repair import geometry_of, repair_geometry
+from foresee_dsl.compile.foreign.geometry_faults import CheckedGeometry
+from foresee_dsl.compile.foreign.geometry_repair import geometry_of, repair_geometry, rounded
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.safe_xml import parse_net
@@ -33,13 +32,13 @@ BROKEN = {
 @pytest.mark.parametrize("kind", BROKEN)
 def test_what_is_wrong_with_a_connection_is_found_and_smoothed(kind: str) -> None:
     root = ElementTree.fromstring(BROKEN[kind])
-    [fault] = faults_of(topology_of(root))
+    [fault] = CheckedGeometry.of(topology_of(root)).faults
     assert (fault.lane, fault.to) == ("in_0", "out_0")
     assert fault.kind == kind or {fault.kind, kind} <= {"kink", "loop"}
     done = repair_geometry(root)
     assert [fault.where] == list(done.repaired)
     assert done.broken == ()
-    assert faults_of(topology_of(root)) == ()
+    assert CheckedGeometry.of(topology_of(root)).faults == ()
 
 
 def test_a_sound_net_stays_as_it_is(tmp_path: Path) -> None:

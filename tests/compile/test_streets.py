@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.foreign.geometry_faults import faults_of
+from foresee_dsl.compile.foreign.geometry_faults import CheckedGeometry
 from foresee_dsl.compile.roads.polyline import distance
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.language.project.loading import load_test_case
@@ -41,7 +41,7 @@ def ways(network, edge):
 
 def test_no_lane_has_a_kink_or_a_gap(town, motorway):
     for network in (town.network, motorway.network):
-        assert not faults_of(network)
+        assert not CheckedGeometry.of(network).faults
         for movement in (m for m in network.movements if "car" in m.kinds):
             parts = [network.lanes[name].shape for name in (movement.from_lane, *movement.via, movement.to_lane)]
             assert all(distance(a[-1], b[0]) < 0.2 for a, b in itertools.pairwise(parts)), movement.ends

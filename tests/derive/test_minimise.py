@@ -13,9 +13,8 @@ from foresee_dsl.campaign.steps.minimise import judge_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.minimise.boundary import stable_edge
 from foresee_dsl.derive.minimise.candidate import Subject, build, without_actors
-from foresee_dsl.derive.minimise.minimise import CannotMinimiseError, Minimal, minimise
+from foresee_dsl.derive.minimise.minimise import CannotMinimiseError, Minimal, drop_most, minimise
 from foresee_dsl.derive.minimise.outcome import Boundary, Ended, ValueTrial
-from foresee_dsl.derive.minimise.reductions import drop_most
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language import model as m
 from foresee_dsl.language.meaning import clip_pin

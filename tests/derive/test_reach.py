@@ -16,8 +16,7 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.steer import Steer, largest_share
 from foresee_dsl.derive.presets import FOCUSED, PAPER
-from foresee_dsl.derive.reach.promise import ReachPromise, Tale, in_order
-from foresee_dsl.derive.reach.ranker import ReachRanker
+from foresee_dsl.derive.reach.ranker import ReachPromise, ReachRanker, Tale, in_order
 from foresee_dsl.derive.reach.rolling import RolledChange, RollOut
 from foresee_dsl.derive.reach.settings import ReachSettings
 from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker

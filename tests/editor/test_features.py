@@ -13,11 +13,11 @@ from lsprotocol import types
 
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.answers.edits import applied as fixed
-from foresee_dsl.editor.answers.expression_results import results
 from foresee_dsl.editor.answers.fixes import fixes
 from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.diagnosing import find
 from foresee_dsl.editor.files import Files
+from foresee_dsl.editor.hover import results
 from foresee_dsl.editor.protocol.positions import Positions
 from tests.support.editor_client import Editor, applied, at, session
 

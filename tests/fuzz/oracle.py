@@ -21,7 +21,7 @@ from pathlib import Path
 
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.messages import diagnostics as rendering
 from foresee_dsl.language.parser import decode, format_text, parse
 from foresee_dsl.language.project.checked_files import check_paths

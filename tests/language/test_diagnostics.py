@@ -10,12 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.compile import with_placements
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.language.lints.lint import without_repeated
+from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.messages.diagnostics import render_all, render_concise, render_full
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.checked_files import check_paths
@@ -44,12 +43,12 @@ def test_golden(file: Path, golden: Golden):
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_golden_of_a_folder(folder: Path, golden: Golden, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """What `foresee check main.foresee` shows in a folder: files without_repeated, actors placed, lints."""
+    """What `foresee check main.foresee` shows in a folder: files read, actors placed, lints."""
     shutil.copytree(folder, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
     pin_by_hand("clip.foresee", "main.foresee")
     result = check_paths(["main.foresee"])
-    found = without_repeated(result.diagnostics, placement_mistakes(result.cases))
+    found = with_placements(result.diagnostics, result.cases)
     written = (folder / "main.foresee").read_text(encoding="utf-8")
     shown = re.sub(r"sha256:[0-9a-f]{12}", lambda pin: pin[0] if pin[0] in written else "sha256:...", render_all(found))
     assert found, "a folder in errors/ has a mistake or a lint"

@@ -13,7 +13,7 @@ from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.project.concretise import concretise
-from foresee_dsl.language.sampling.draws import with_drawn_cases
+from foresee_dsl.language.sampling import with_drawn_cases
 
 _FRAME = """foresee 1
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.lints.logic import weaker
 from foresee_dsl.language.model import Expect, Scenario
 from foresee_dsl.language.parser import parse

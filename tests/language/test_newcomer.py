@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.compile import placement_lints, placement_mistakes
+from foresee_dsl.compile import with_placements
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.lints.lint import without_repeated
 from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.project.checked_files import check_paths
 from tests.support.goldens import Golden
@@ -48,9 +47,7 @@ def shown(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(folder)
     Path("first.foresee").write_text(text, encoding="utf-8")
     result = check_paths(["first.foresee"])
-    placed = placement_mistakes(result.cases)
-    lints = () if placed or result.diagnostics else placement_lints(result.cases)
-    return render_all((*without_repeated(result.diagnostics, placed), *lints))
+    return render_all(with_placements(result.diagnostics, result.cases))
 
 
 def test_without_a_mistake_there_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

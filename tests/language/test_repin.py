@@ -8,7 +8,6 @@ import pytest
 
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.names import MISSING_FILE, STALE_PIN, WRONG_KIND, WRONG_WAS
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.language.repinning.repin import State, describe, plan, summary, write
 from tests.support.repin_project import Repository
@@ -95,7 +94,7 @@ def test_a_value_that_moved_under_a_mutant_is_a_conflict(project: Repository) ->
     derived_files = plan([project.root])
     assert [derived.state for derived in derived_files] == [State.FRESH, State.CONFLICT, State.CONFLICT]
     (mistake,) = derived_files[1].mistakes
-    assert mistake.code == WRONG_WAS and "lead.timing is 0.90 in the clip now, not 1.00" in mistake.message
+    assert mistake.code == "FS123" and "lead.timing is 0.90 in the clip now, not 1.00" in mistake.message
     assert said(derived_files[1].overridden) == ["added lead.timing: 0.90"]
     before = project.mutants[0].read_bytes()
     assert write(derived_files) == ()
@@ -123,7 +122,7 @@ def test_a_mutant_whose_clip_is_stale_and_not_named_is_blocked(project: Reposito
     project.edit(project.scenario, "weather rain 0.3", "weather rain 0.5")
     (mutant,) = plan([project.mutants[0]])
     assert mutant.state is State.BLOCKED
-    assert mutant.mistakes[0].code == STALE_PIN and "is stale itself" in mutant.mistakes[0].message
+    assert mutant.mistakes[0].code == "FS135" and "is stale itself" in mutant.mistakes[0].message
     assert "blocked" in describe(mutant)
 
 
@@ -159,7 +158,7 @@ def test_a_mutant_of_a_mutant_follows(project: Repository) -> None:
 
 
 def test_a_scenario_cannot_be_pinned_again(project: Repository) -> None:
-    for path, code in ((project.scenario, WRONG_KIND), (project.root / "none.foresee", MISSING_FILE)):
+    for path, code in ((project.scenario, "FS132"), (project.root / "none.foresee", "FS130")):
         with pytest.raises(InputError) as caught:
             plan([path])
         assert caught.value.diagnostics[0].code == code

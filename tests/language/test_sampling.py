@@ -14,7 +14,7 @@ from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import Case, Cases, End, Param, ParamValue, Quantity, Require, Scenario
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.concretise import cases, concretise
-from foresee_dsl.language.sampling.draws import (
+from foresee_dsl.language.sampling import (
     TooFewError,
     axis_of,
     case_names,
@@ -89,7 +89,7 @@ def test_drawn_cases_are_cases_everywhere() -> None:
     assert cases(whole) == cases(document)
     assert isinstance(whole.model, Scenario) and isinstance(document.model, Scenario)
     third = whole.model.all(Case)[3]
-    assert whole.diagnostic(third, "", "FS000", "").source_line == "cases 3 from seed 7"
+    assert whole.diagnostic(third, "", "FS001", "").source_line == "cases 3 from seed 7"
     for model in (document.model, whole.model):
         (end,) = concretise(model, "seed7_03").all(End)
         assert end.after == third.values[0].value

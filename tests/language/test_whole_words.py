@@ -21,6 +21,8 @@ _MORE = """foresee 1
 campaign nightly {
   seeds "a.foresee"
   allocation even
+  rules off
+  first_from "out"
   budget 10 min
   drivers [pdm]
   preset focused

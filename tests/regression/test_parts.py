@@ -24,8 +24,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.report.terminal.comparison import to_markdown
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunRecord, Verdict
 
 MUTANT = """foresee 1
 

@@ -16,7 +16,7 @@ import pytest
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.drawing.palette import PAINTS
-from foresee_dsl.report.drawing.png import png_of_svg
+from foresee_dsl.report.drawing.svg import png_of_svg
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun

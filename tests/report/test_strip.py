@@ -14,9 +14,8 @@ import pytest
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.report.drawing.data import as_data
 from foresee_dsl.report.drawing.ground import ground_of
-from foresee_dsl.report.drawing.shapes import ground_shapes
+from foresee_dsl.report.drawing.shapes import as_data, ground_shapes
 from foresee_dsl.report.page.html import PAINTS as PAINTS_OF_PAGE
 from foresee_dsl.report.page.playback import Marks, playback
 from foresee_dsl.report.show.panels import Role, Strip, panel_parts

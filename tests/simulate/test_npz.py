@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foresee_dsl.simulate.npz import read_arrays
-from foresee_dsl.simulate.trace import STEP_S, ActorInfo, Event, Trace
+from foresee_dsl.simulate.trace import STEP_S, ActorInfo, Event, Trace, read_arrays
 
 
 def packed(**arrays: Any) -> bytes:

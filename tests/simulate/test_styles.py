@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.styles import STYLES
+from foresee_dsl.compile.bundle import STYLES
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.clipping.fidelity import deviation
 from foresee_dsl.drivers.registry import load_driver

@@ -19,8 +19,7 @@ from foresee_dsl.language.model import When
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.terminal.runs import print_case_run, print_case_runs
-from foresee_dsl.simulate.results.unfired import UnfiredTrigger
-from foresee_dsl.simulate.results.verdict import RunResult
+from foresee_dsl.simulate.results.verdict import RunResult, UnfiredTrigger
 from foresee_dsl.simulate.trace import SPEED
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions

@@ -24,7 +24,7 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
-from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
+from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Moment, Story, tell

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 
 MAIN = "main.foresee"
 """The file that holds an example."""

@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.campaign_file import mistakes_of
-from foresee_dsl.compile import placement_lints, placement_mistakes
+from foresee_dsl.compile import with_placements
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.exchange.sketch import network_of_sketch
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 from foresee_dsl.language.diff.addresses import compare_addresses
-from foresee_dsl.language.lints.lint import without_repeated
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_catalogue, load_test_case
@@ -43,10 +42,7 @@ def _do(command: str, *words: str) -> tuple[Diagnostic, ...]:
             return named
         if "--no-places" in options:
             return result.diagnostics
-        return (
-            *without_repeated(result.diagnostics, placement_mistakes(result.cases)),
-            *placement_lints(result.cases),
-        )
+        return with_placements(result.diagnostics, result.cases)
     if command == "run":
         load_test_case(*paths)
     elif command == "diff":

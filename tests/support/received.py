@@ -12,8 +12,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from foresee_dsl.campaign.regression.keeping import keep
-from foresee_dsl.campaign.regression.sources import source_of
+from foresee_dsl.campaign.regression.keeping import keep, source_of
 from foresee_dsl.simulate.trace import Trace
 from tests.support.small_campaign import SETTINGS, campaign, write_project
 

@@ -24,8 +24,8 @@ from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.sensing.line_of_sight import sight_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
+from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S
 
 REACTION_S = EVALUATION_S + DELAY_S

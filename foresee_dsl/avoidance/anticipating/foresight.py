@@ -38,8 +38,7 @@ from foresee_dsl.avoidance.r157.risk import (
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
-from foresee_dsl.simulate.sensing.line_of_sight import in_view
-from foresee_dsl.simulate.sensing.sight import Sight
+from foresee_dsl.simulate.sensing.sight import Sight, in_view
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 _EVERY_S = 0.1

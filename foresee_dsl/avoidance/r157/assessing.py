@@ -19,7 +19,7 @@ from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.sensing.line_of_sight import sight_of
+from foresee_dsl.simulate.sensing.sight import sight_of
 
 
 class Preventable(StrEnum):

@@ -19,8 +19,7 @@ import numpy as np
 from foresee_dsl.avoidance.replay import RecordedPath
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
-from foresee_dsl.simulate.sensing.line_of_sight import in_view, sight_of
-from foresee_dsl.simulate.sensing.sight import Sight
+from foresee_dsl.simulate.sensing.sight import Sight, in_view, sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4

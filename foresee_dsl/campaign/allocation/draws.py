@@ -7,9 +7,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest
+from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.derive.local_search import WEAKER
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 

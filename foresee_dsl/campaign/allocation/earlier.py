@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from foresee_dsl.campaign.steps.clip_text import clip_of
+from foresee_dsl.campaign.steps.inputs import clip_of
 from foresee_dsl.campaign.steps.requests import RequestedMutant
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 from foresee_dsl.errors import ForeseeError

@@ -24,11 +24,11 @@ from foresee_dsl.campaign.allocation.draws import DrawnChild, PastChild, Unit, c
 from foresee_dsl.campaign.allocation.facts import ChildFacts, avoided
 from foresee_dsl.campaign.allocation.method import Method, RoundBudget
 from foresee_dsl.campaign.allocation.stories import Stories
-from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest
+from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.derive.mutate import Draw
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from foresee_dsl.campaign.conformance.observed_driver import LIMITS
 from foresee_dsl.campaign.conformance.records import Check, CheckStatus, StepTimes
-from foresee_dsl.campaign.conformance.runs import Handover, ObservedRun, OneProcess
+from foresee_dsl.campaign.conformance.runs import LIMITS, Handover, ObservedRun, OneProcess
 from foresee_dsl.campaign.driving import REMEMBERS
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.simulate.trace import STEP_S

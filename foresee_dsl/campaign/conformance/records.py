@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from foresee_dsl.documents import every_field, rounded
-from foresee_dsl.simulate.results.run_record import RunRecord
+from foresee_dsl.simulate.results.verdict import RunRecord
 
 
 class CheckStatus(StrEnum):

@@ -17,19 +17,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
-from foresee_dsl.campaign.assembly import assemble
+from foresee_dsl.campaign.assembly import assemble, choose_representatives
 from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.repeats import repeated
-from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.folder import CampaignFolder
-from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, encode
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import CaseFiles, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.step import StepResult
+from foresee_dsl.campaign.steps.step import StepNode, StepResult
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
@@ -58,6 +56,23 @@ class Listener:
 
     def round(self, begun: Round) -> None:
         """Called when a later round of mutants begins, if mutants are allocated in rounds."""
+
+
+class StoredCounts(Listener):
+    """Counts the results that a campaign found in its store."""
+
+    def __init__(self) -> None:
+        self._reused: set[str] = set()
+        self._new: set[str] = set()
+
+    def done(self, row: Row, *, new: bool = True) -> None:
+        """Record a result; two steps of this campaign may share one."""
+        (self._new if new else self._reused).add(row.key)
+
+    @property
+    def count(self) -> int:
+        """Return the number of results that were in the store before."""
+        return len(self._reused - self._new)
 
 
 @contextmanager

@@ -15,8 +15,7 @@ from foresee_dsl.errors import DriverError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, RunRecord, RunResult, Verdict
 from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from foresee_dsl.campaign.keys import judged_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.clip_text import risk_hash
+from foresee_dsl.campaign.steps.inputs import risk_hash
 from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised, minimising_key
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.minimise.candidate import Subject

@@ -13,12 +13,12 @@ from foresee_dsl.campaign.driving import longest_s, run_test_case
 from foresee_dsl.campaign.execution.pool import BrokenTask, RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.keys import key
-from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import CaseRunOutcome, Repeats, decode, encode
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
+from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RulesMode

@@ -27,7 +27,7 @@ from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant, expanded_model, other_sensor_errors, surroundings
 from foresee_dsl.language.project.loading import Project, load_test_case
-from foresee_dsl.language.sampling.draws import values_of
+from foresee_dsl.language.sampling import values_of
 
 DRAWN = 5
 """Number of cases that are drawn inside the failing region. Ours: if 5 of 5 fail, at least 55 % of all cases in the

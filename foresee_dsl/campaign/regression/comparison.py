@@ -9,8 +9,7 @@ from enum import StrEnum
 from functools import cached_property
 
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 
 SIGNIFICANT = 0.05
 """A p below this counts as more than chance: the usual level."""

@@ -9,9 +9,8 @@ from typing import get_args
 
 from foresee_dsl.drivers.registry import recorded_address, recorded_driver
 from foresee_dsl.language import model as m
-from foresee_dsl.language.model.expected import FailureName
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.language.model.scenario import FailureName
+from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 
 DRIVER = "pdm"
 """Driver of a test case that names none."""

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import in_words, recorded_in
-from foresee_dsl.campaign.regression.layout import BEGIN, END, INDEX
-from foresee_dsl.campaign.regression.suite import stated_in
+from foresee_dsl.campaign.regression.suite import BEGIN, END, INDEX, stated_in
 from foresee_dsl.files import read_outside, templates, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import load

@@ -1,4 +1,5 @@
-"""The test cases of a suite: mutants, files with expectations, and all tests that `foresee keep` has copied."""
+"""A regression suite: the layout of its folder, and its test cases (mutants, files with expectations, and all tests
+that `foresee keep` has copied)."""
 
 from __future__ import annotations
 
@@ -8,16 +9,46 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.regression.expectations import DRIVER
-from foresee_dsl.campaign.regression.layout import role_of
 from foresee_dsl.drivers.registry import driver_names, name_in, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
+
+INDEX = "README.md"
+BEGIN, END = "<!-- foresee keep: begin -->", "<!-- foresee keep: end -->"
+"""The index is rewritten between these marks; a folder whose `README.md` has them is a suite."""
+PARENTS = "parents"
+"""Folder inside a suite with the files that its tests need: clips, scenarios, networks, models."""
+
+
+def _is_suite(folder: Path) -> bool:
+    """Return whether a folder's `README.md` has the marks of an index."""
+    file = folder / INDEX
+    return a.is_file(file) and BEGIN.encode() in read_outside(file)
+
+
+def suite_folder(file: Path) -> Path | None:
+    """Return the suite that contains a file: the nearest folder above with an index."""
+    return next((folder for folder in a.absolute(file).parents if _is_suite(folder)), None)
+
+
+def tests_in(folder: Path) -> tuple[Path, ...]:
+    """Return the test files of a suite, sorted: every `.foresee` file outside of `parents/`."""
+    inside = folder / PARENTS
+    return tuple(file for file in a.scenario_files([folder]) if not file.is_relative_to(inside))
+
+
+def role_of(file: Path) -> str:
+    """Return the role of a file in a suite: `test`, `parent`, or "" outside of suites."""
+    folder = suite_folder(file)
+    if folder is None:
+        return ""
+    return "parent" if a.absolute(file).is_relative_to(folder / PARENTS) else "test"
+
 
 _STATES = re.compile(rb"^[ \t{;]*expected\b", re.MULTILINE)
 
@@ -71,7 +102,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
             kind = a.kind_of(file)
             message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
             help = "write a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
-            raise a.mistake(c.WRONG_KIND, message, help, a.display_path(file))
+            raise a.mistake("FS132", message, help, a.display_path(file))
         collected += tests
     return tuple(collected)
 

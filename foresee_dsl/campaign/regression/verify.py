@@ -24,21 +24,18 @@ from foresee_dsl.campaign.regression.expectations import (
     names_of,
 )
 from foresee_dsl.campaign.regression.index import write_index
-from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
-from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
+from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside, write_whole
-from foresee_dsl.language.codes.names import STALE_PIN
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Hang, Verdict
+from foresee_dsl.simulate.results.verdict import Hang, RunRecord, Verdict
 
 LONGEST_S = 300.0
 """Longest simulated time of a run, s; the deadline of its process follows from this. Ours: no test case of the library
@@ -263,7 +260,7 @@ def _why_stale(derived: DerivedFile | None) -> str | None:
     if derived is None:
         return None
     if derived.state in (State.CONFLICT, State.BLOCKED):
-        messages = [mistake.message for mistake in derived.mistakes if mistake.code != STALE_PIN]
+        messages = [mistake.message for mistake in derived.mistakes if mistake.code != "FS135"]
         return f"it no longer fits its parent: {messages[0]}" if messages else None
     if not derived.has_old_parent or derived.old is None or derived.new is None:
         return "git has no version of the parent with this pin, so that the edit is unknown"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.records import CaseRunOutcome
@@ -13,9 +13,6 @@ from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.findings.failures import NOTHING, Explanation, explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
-from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode

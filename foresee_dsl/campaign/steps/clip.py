@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
-from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
+from foresee_dsl.campaign.steps.inputs import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines

@@ -11,7 +11,7 @@ from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import Promise
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import CaseRunOutcome, Draft, Forecast
-from foresee_dsl.campaign.steps.clip_text import risk_hash
+from foresee_dsl.campaign.steps.inputs import risk_hash
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.avoidance.judges import judged
@@ -12,7 +12,7 @@ from foresee_dsl.avoidance.responsibility import responsibility_of
 from foresee_dsl.campaign.driving import relative_path, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
-from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
@@ -26,9 +26,6 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Minimised
-from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
@@ -17,9 +17,6 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)

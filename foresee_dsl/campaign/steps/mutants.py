@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
-from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_case, clip_of, mutant_of
 from foresee_dsl.campaign.steps.requests import NO_ROUNDS, RoundRequest
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.mutate import How, Mutator

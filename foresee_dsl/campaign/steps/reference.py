@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_case, mutant_of
 from foresee_dsl.campaign.steps.referring import Reference, driven, verdict_of_clip
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.trace import Trace
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)

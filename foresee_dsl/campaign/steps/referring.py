@@ -10,8 +10,7 @@ from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.avoidance.references import ReferenceDriver, ReferenceRun
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Record
-from foresee_dsl.campaign.steps.clip_text import clip_case
-from foresee_dsl.campaign.steps.inputs import CaseRef
+from foresee_dsl.campaign.steps.inputs import CaseRef, clip_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import RulesMode

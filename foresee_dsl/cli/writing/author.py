@@ -16,7 +16,7 @@ from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario
-    from foresee_dsl.language.sampling.draws import Coverage
+    from foresee_dsl.language.sampling import Coverage
 
 
 def compile_(
@@ -95,7 +95,7 @@ def sample(
     foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
     """
     from foresee_dsl.language.project.loading import Project
-    from foresee_dsl.language.sampling.draws import coverage
+    from foresee_dsl.language.sampling import coverage
 
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
     cases = _cases(scenario, count, seed)
@@ -115,7 +115,7 @@ def sample(
 def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[Case]:
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.language import model as m
-    from foresee_dsl.language.sampling.draws import TooFewError, axis_of, draw
+    from foresee_dsl.language.sampling import TooFewError, axis_of, draw
 
     written = scenario.all(m.Case)
     if count is None and seed is None and written:
@@ -135,7 +135,7 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
 
 def _document(file: Path, scenario: Scenario, cases: Sequence[Case], covered: Coverage) -> str:
     from foresee_dsl.language.printer import value_text
-    from foresee_dsl.language.sampling.draws import values_of
+    from foresee_dsl.language.sampling import values_of
 
     return json_document(
         {
@@ -159,7 +159,7 @@ def _document(file: Path, scenario: Scenario, cases: Sequence[Case], covered: Co
 def _print_table(scenario: Scenario, cases: Sequence[Case], covered: Coverage) -> None:
     from foresee_dsl.language.model import Param
     from foresee_dsl.language.printer import value_text
-    from foresee_dsl.language.sampling.draws import values_of
+    from foresee_dsl.language.sampling import values_of
 
     names = [param.name for param in scenario.all(Param)]
     rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from foresee_dsl.errors import Diagnostic
-    from foresee_dsl.language.codes.code import Code
+    from foresee_dsl.language.codes import Code
     from foresee_dsl.language.project.checked_files import CheckResult
 
 Paths = Annotated[
@@ -78,17 +78,16 @@ def check(
         result = check_paths(paths, allow_outside=allow_outside)
     except InputError as error:  # a missing file is reported in the requested format too
         result = CheckResult(0, (), error.diagnostics)
-    diagnostics: list[Diagnostic] = list(result.diagnostics)
+    diagnostics = result.diagnostics
     if result.campaigns:
         from foresee_dsl.campaign.campaign_file import mistakes_of  # slow: it searches for plug-ins
 
         for document in result.campaigns:
             diagnostics += mistakes_of(document, allow_outside=allow_outside)
     if places:
-        from foresee_dsl.compile import placement_lints, placement_mistakes
-        from foresee_dsl.language.lints.lint import without_repeated
+        from foresee_dsl.compile import with_placements
 
-        diagnostics = [*without_repeated(diagnostics, placement_mistakes(result.cases)), *placement_lints(result.cases)]
+        diagnostics = with_placements(diagnostics, result.cases)
     selected = [
         d
         for d in diagnostics
@@ -104,7 +103,7 @@ def _codes(options: Iterable[str] | None, option: str) -> tuple[str, ...]:
     """Return the codes of texts such as `FS301,FS302`; raise if no code begins with one of them."""
     codes = tuple(code.strip().upper() for part in options or () for code in part.split(",") if code.strip())
     if codes:
-        from foresee_dsl.language.codes.code import every_code
+        from foresee_dsl.language.codes import every_code
 
         for code in codes:
             if not any(existing.startswith(code) for existing in every_code()):
@@ -149,7 +148,7 @@ def explain(
     [dim]foresee explain FS012
     foresee explain[/dim]
     """
-    from foresee_dsl.language.codes.code import every_code
+    from foresee_dsl.language.codes import every_code
 
     codes = every_code()
     if code is None and json:

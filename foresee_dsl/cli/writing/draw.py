@@ -77,7 +77,7 @@ def draw(
         write_whole(file, svg_of(drawing.sheet))
         _say(f"wrote {file}")
     if png is not None:
-        from foresee_dsl.report.drawing.png import png_of_svg
+        from foresee_dsl.report.drawing.svg import png_of_svg
 
         data = png_of_svg(svg_of(drawing.sheet, scheme="dark" if dark else "light"))
         png.parent.mkdir(parents=True, exist_ok=True)

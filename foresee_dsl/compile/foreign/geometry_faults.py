@@ -73,11 +73,6 @@ class GeometryFault:
         return f"{what} {self.text} at ({self.x:.1f} m, {self.y:.1f} m)"
 
 
-def faults_of(net: Topology) -> tuple[GeometryFault, ...]:
-    """Return the faults of the lanes for cars, then of the connections between them, in the net's order."""
-    return CheckedGeometry.of(net).faults
-
-
 @dataclass(frozen=True)
 class CheckedGeometry:
     """A checked net, with the fault (or None) of each of its lanes and connections, in its order."""

@@ -8,11 +8,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
 
-from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossings
 from foresee_dsl.compile.foreign.geometry_repair import repair_geometry
 from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.opendrive_geometry import number
-from foresee_dsl.compile.foreign.opendrive_reading import drives_on_the_left, make_readable, read_opendrive
+from foresee_dsl.compile.foreign.opendrive_reading import (
+    crosswalks_of,
+    drives_on_the_left,
+    make_readable,
+    read_opendrive,
+    write_crossings,
+)
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import DoorOf, ModelSpec, PlacedActor
 from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
@@ -47,7 +46,7 @@ def door_problems(scenario: m.Scenario, placed: Iterable[PlacedActor]) -> Iterat
         if model is not None and not has_doors(model):
             message = f"{name} ({model}) has no door that could be opened"
             help = "cars, vans and trucks have doors, parked ones too (" + write("obstacle.parked_car") + ")"
-            yield Problem("", "when", codes.NO_DOOR, message, help, name)
+            yield Problem("", "when", "FS265", message, help, name)
 
 
 def doors_of(scenario: m.Scenario, placed: Iterable[PlacedActor]) -> list[PlacedActor]:

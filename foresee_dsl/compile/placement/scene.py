@@ -3,46 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import (
     ModelSpec,
     PlacedActor,
     Playback,
-    RecordedState,
     Scene,
     Signal,
     SlipperyPatch,
-    Steering,
 )
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
-from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
+from foresee_dsl.compile.placement.name_checks import NameChecks, never_near
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
-from foresee_dsl.compile.placement.reach import never_near
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
 from foresee_dsl.compile.placement.starts import StartSearch
 from foresee_dsl.compile.placement.statements import (
     WHEELS,
+    cruise_of,
     item,
     items,
     lane_kind,
     path_of,
     playback_of,
+    recorded_state,
     route_of,
     si,
+    steering_of,
     timed,
     track_of,
 )
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY, line_of
+from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.roads.walkways import Walk, walkways
 from foresee_dsl.compile.tracks import TracksError, read_tracks
 from foresee_dsl.errors import MessageText, measured
@@ -93,7 +91,7 @@ class SceneBuilder:
                 self._actors[actor.name] = actor
             else:
                 message = f"there is no model {model}"
-                self._add(actor.name, "model", codes.UNKNOWN, message, did_you_mean(model, specs))
+                self._add(actor.name, "model", "FS251", message, did_you_mean(model, specs))
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
         self._playbacks = self._read_playbacks()
         self._starts = StartSearch(network, self._actors, self._spec_of, self._playbacks)
@@ -121,17 +119,17 @@ class SceneBuilder:
         try:
             tracks = read_tracks(self._case.tracks) if self._case.tracks is not None else {}
         except TracksError as err:
-            self._add("", "use_tracks", codes.TRACK, str(err), "correct the file, or write it again")
+            self._add("", "use_tracks", "FS261", str(err), "correct the file, or write it again")
             return {}
         playbacks: dict[str, Playback] = {}
         for name, statement in statements.items():
             track = tracks.get(statement.name)
             if track is None:
                 help_ = did_you_mean(statement.name, tracks) or "write the name of an actor in the tracks file"
-                self._add(name, "track", codes.TRACK, f"there is no track called {statement.name}", help_)
+                self._add(name, "track", "FS261", f"there is no track called {statement.name}", help_)
             elif si(statement.start) > track.end_s and not isinstance(self._actors[name], m.Ego):
                 message = f"the track {statement.name} ends at {track.end_s:g} s, so {name} would never be there"
-                self._add(name, "track", codes.TRACK, message, "let it begin earlier, or " + remove("remove the actor"))
+                self._add(name, "track", "FS261", message, "let it begin earlier, or " + remove("remove the actor"))
             else:
                 playbacks[name] = playback_of(self._actors[name], track, self._spec_of[name])
         return playbacks
@@ -155,7 +153,7 @@ class SceneBuilder:
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, self._actors, clip=self._case.snapshot)
         self._problems += door_problems(self._case.scenario, placed)
-        return placed, start_s, goal_s, _each_once(self._problems)
+        return placed, start_s, goal_s, checks.each_once(self._problems)
 
     def warnings(self) -> tuple[Problem, ...]:
         """Return warnings about what is permitted but probably not intended.
@@ -164,8 +162,11 @@ class SceneBuilder:
             PlacementError: as `place`.
         """
         placed, _, _ = self.place()
-        warnings = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
-        return checks.few(dict.fromkeys((*warnings, *self._beside_all_roads(placed))))
+        warnings = (
+            *never_near(self._case.scenario, placed, self._names.places, self._network),
+            *checks.of_slippery(self._patches, self._network),
+        )
+        return checks.few(dict.fromkeys((*warnings, *checks.of_paths(placed, self._actors, self._network))))
 
     def build(self) -> Scene:
         """Return the scene with background traffic; actors of the traffic for which there is no room are left out.
@@ -229,42 +230,10 @@ class SceneBuilder:
             except UnsettledError:
                 continue  # the error is reported at the actor to which the place refers
             except RouteError as err:
-                self._problems.append(Problem("", item_.kind, codes.PLACE, err.message, err.help, part=item_.place))
+                self._problems.append(Problem("", item_.kind, "FS252", err.message, err.help, part=item_.place))
             else:
                 patches.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
         return patches
-
-    def _off_road(self) -> Iterator[Problem]:
-        """Yield a problem for each slippery patch that does not touch a lane, so that no vehicle drives over it."""
-        for patch in self._patches:
-            away = min(self._network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
-            if away > patch.radius_m:
-                message = (
-                    f"{patch.name} lies beside the road: the nearest lane is "
-                    + measured(f"{away:.1f}")
-                    + " m from its middle"
-                )
-                help_ = "put it on a lane, such as " + write("20 m along ego.route") + ", or make it larger"
-                yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
-
-    def _beside_all_roads(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
-        """Yield a problem for each path that touches no lane and no sidewalk, so its actor meets no other actor."""
-        for actor in placed:
-            path = path_of(self._actors[actor.id])
-            if path is None or not actor.path:
-                continue
-            kinds: tuple[LaneKind, ...] = ("car", "bus", "bicycle", "pedestrian")
-            away = min(self._network.distance_to_lanes(x, y, kind) for x, y in line_of(actor.path).xy for kind in kinds)
-            if away > actor.model.width_m / 2:
-                message = (
-                    f"the path of {actor.id} comes to no road: the nearest lane is "
-                    + measured(f"{away:.1f}")
-                    + " m from it"
-                )
-                help_ = "lead it onto a road, such as " + write(
-                    "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
-                )
-                yield Problem(actor.id, path.kind, codes.BESIDE_ALL_ROADS, message, help_)
 
     @property
     def slippery(self) -> tuple[SlipperyPatch, ...]:
@@ -288,10 +257,10 @@ class SceneBuilder:
         except CircleError as err:
             if err.members not in self._circles:
                 self._circles.add(err.members)
-                self._add(actor, at, codes.PLACE, err.message, err.help)
+                self._add(actor, at, "FS252", err.message, err.help)
             return None
         except RouteError as err:
-            code = codes.PLACE if at in ("start_at", "path", "path_along", "goal") else codes.ROUTE
+            code = "FS252" if at in ("start_at", "path", "path_along", "goal") else "FS250"
             self._add(actor, at, code, err.message, err.help)
             return None
 
@@ -314,9 +283,7 @@ class SceneBuilder:
         routed = route_of(actor) is not None
         placed: PlacedActor | None = None
         if isinstance(actor, m.Ego) and not routed:
-            self._add(
-                name, "", codes.NO_WAY, "the ego has no route", "add " + write("route from south straight over j4")
-            )
+            self._add(name, "", "FS257", "the ego has no route", "add " + write("route from south straight over j4"))
         elif routed and spec.kind in WHEELS:
             at = "route" if item(actor, m.StartAt) is None or self._route_fails(name) else "start_at"
             if (start := self._try(name, at, lambda: self._starts.on_route(name))) is not None:
@@ -330,7 +297,7 @@ class SceneBuilder:
             route = route_of(actor)
             road = word_of(route.start if isinstance(route, m.Route) else route.edges[0]) if route is not None else ""
             help_ = "a pedestrian follows a path, such as " + write(f"path [10 m along {road}, 30 m along {road}]")
-            self._add(name, "route", codes.NO_WAY, f"{name} cannot follow a route", help_)
+            self._add(name, "route", "FS257", f"{name} cannot follow a route", help_)
         elif (pose := self._try(name, "start_at", lambda: self._starts.still(name))) is not None:
             placed = PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
         if placed is not None:
@@ -351,13 +318,13 @@ class SceneBuilder:
     def _on_route(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnRoute) -> PlacedActor:
         ego = isinstance(actor, m.Ego)
         limits = [self._network.edges[edge].drivable[0].speed_mps for edge in at.edges]
-        cruise_mps = _cruise(actor, spec, max(limits) if ego else min(limits))
+        cruise_mps = cruise_of(actor, spec, max(limits) if ego else min(limits))
         pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
         placed = PlacedActor(actor.name, spec, "ego" if ego else "sumo", *pose, cruise_mps=cruise_mps)
         return self._with_statements(actor, replace(placed, lane=at.lane, route=at.edges, line=at.line))
 
     def _on_path(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnPath) -> PlacedActor:
-        cruise_mps = _cruise(actor, spec, PATH_LIMIT_MPS)
+        cruise_mps = cruise_of(actor, spec, PATH_LIMIT_MPS)
         pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
         placed = PlacedActor(actor.name, spec, "path", *pose, path=at.path, along_m=at.along_m, cruise_mps=cruise_mps)
         joins = item(actor, m.Joins)
@@ -397,7 +364,7 @@ class SceneBuilder:
     def _edges_to_join(self, actor: m.Ego | m.Actor, spec: ModelSpec, joins: m.Joins) -> tuple[str, ...]:
         """Return the edges along which an actor drives when it has left its track."""
         if spec.kind not in WHEELS:
-            self._add(actor.name, "joins", codes.NO_WAY, f"{actor.name} cannot join the traffic", remove("remove it"))
+            self._add(actor.name, "joins", "FS257", f"{actor.name} cannot join the traffic", remove("remove it"))
             return ()
         route = m.EdgeRoute(edges=joins.edges, shortest=True)
         return self._try(actor.name, "joins", lambda: self._network.route_edges(route, lane_kind(spec))) or ()
@@ -408,7 +375,7 @@ class SceneBuilder:
             self._add(
                 actor.name,
                 "joins",
-                codes.NO_WAY,
+                "FS257",
                 f"{actor.name} cannot join the traffic",
                 "end its path where it stays",
             )
@@ -450,8 +417,8 @@ class SceneBuilder:
             strays=timed(line.left, line) if line is not None and later else None,
             brakes=timed(brakes.braking, brakes) if brakes is not None else None,
             playback=self._playbacks.get(actor.name),
-            recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
-            steering=_steering(steers) if steers is not None else None,
+            recorded=tuple(map(recorded_state, items(actor, m.Recorded))) if placed.control == "ego" else (),
+            steering=steering_of(steers) if steers is not None else None,
             guided=actor.name in self._guided,
             backs_mps=max(-si(state.speed), 0.0) if state is not None else 0.0,
             ignores=tuple(
@@ -484,50 +451,17 @@ class SceneBuilder:
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
             message = "the goal is " + measured(f"{abs(lateral):.1f}") + " m off the ego's route"
-            self._add("ego", "goal", codes.GOAL, message, "write it like " + write("goal 40 m past j4 on ego.route"))
+            self._add("ego", "goal", "FS255", message, "write it like " + write("goal 40 m past j4 on ego.route"))
         elif goal <= start and not self._case.snapshot:
             message = "the goal is " + measured(f"{start - goal:.1f}") + " m behind the ego's start"
             self._add(
                 "ego",
                 "goal",
-                codes.GOAL,
+                "FS255",
                 message,
                 "put it in front, or " + remove("remove it") + ": then the goal is the end of the route",
             )
         return start, goal
-
-
-def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
-    """Return the problems without those that only repeat the error of a route: every place along a wrong route has the
-    same error.
-
-    If there are many problems of one kind, most of them are left out.
-    """
-    routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
-    unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)
-    return checks.few(dict.fromkeys(unlike))
-
-
-def _cruise(actor: m.Ego | m.Actor, spec: ModelSpec, limit_mps: float) -> float:
-    statement = item(actor, m.CruiseSpeed)
-    return si(statement.speed) if statement is not None else cruise_speed(spec, limit_mps)
-
-
-def _recorded(statement: m.Recorded) -> RecordedState:
-    state = statement.state
-    return RecordedState(
-        time_s=si(statement.time),
-        x=si(state.at.x),
-        y=si(state.at.y),
-        heading_rad=si(state.heading),
-        speed_mps=max(si(state.speed), 0.0),
-        acceleration_mps2=si(state.acceleration),
-        steer_rad=si(state.steer),
-    )
-
-
-def _steering(steers: m.Steers) -> Steering:
-    return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))
 
 
 def _arrives(condition: m.Condition) -> bool:

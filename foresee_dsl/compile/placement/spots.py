@@ -1,13 +1,18 @@
-"""Records of positions at the first frame: of places, of vehicles on their routes, and of actors on their paths."""
+"""Records of positions: of places, of vehicles on their routes, of actors on their paths, and of an actor on its way
+with the places ahead of it, behind it and beside it."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import assert_never
 
-from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.polyline import Points, Polyline
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.helps import write
+from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import si_of, word_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,3 +72,64 @@ class CircleError(RouteError):
 
 class UnsettledError(RouteError):
     """Raised if a place refers to an actor whose own start is impossible; the error is reported at that actor."""
+
+
+Pose = tuple[float, float, float]
+"""A pose: x and y, m, and the heading, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """An actor's footprint on its way.
+
+    Attributes:
+        x, y, heading_rad: pose of the footprint's middle. length_m, width_m: size of the footprint.
+        line: its way, which continues straight beyond its ends; None for an actor that has no way, which is treated as
+            if it had a straight one.
+        s, left_m: position of the middle along the way, and its distance to the left of it (0 without a line).
+    """
+
+    x: float
+    y: float
+    heading_rad: float
+    length_m: float
+    width_m: float
+    line: Polyline | None = None
+    s: float = 0.0
+    left_m: float = 0.0
+
+    def at(self, onwards_m: float, left_m: float = 0.0) -> Pose:
+        """Return the pose `onwards_m` ahead of the middle along the way (negative: behind) and `left_m` to the left."""
+        if self.line is not None:
+            return self.line.at(self.s + onwards_m, self.left_m + left_m)
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return self.x + onwards_m * cos - left_m * sin, self.y + onwards_m * sin + left_m * cos, self.heading_rad
+
+    def onwards_m(self, place: m.OfActor, *, wheels: bool = True) -> float:
+        """Return how far ahead of the middle a place lies along the way, m (negative: behind it)."""
+        match place:
+            case m.AheadOf():
+                return self.length_m / 2 + si_of(place.at)
+            case m.BehindOf():
+                return -self.length_m / 2 - si_of(place.at)
+            case m.Beside():
+                return 0.0
+            case m.PlaceOf():
+                return self.length_m / 2 if wheels else 0.0
+            case _:
+                assert_never(place)
+
+    def place(self, place: m.OfActor, *, wheels: bool = True) -> Pose:
+        """Return the pose of a place relative to this actor; with `wheels`, a vehicle's own place is that of its
+        front."""
+        match place:
+            case m.AheadOf() | m.BehindOf():
+                left_m = 0.0 if place.offset is None else si_of(place.offset)
+            case m.Beside():
+                away_m = self.width_m / 2 + si_of(place.at)
+                left_m = away_m if word_of(place.side) == "left" else -away_m
+            case m.PlaceOf():
+                left_m = 0.0
+            case _:
+                assert_never(place)
+        return self.at(self.onwards_m(place, wheels=wheels), left_m)

@@ -12,8 +12,7 @@ from typing import TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import ModelSpec, Playback
 from foresee_dsl.compile.placement.paths import shifted
-from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, UnsettledError
-from foresee_dsl.compile.placement.standing import Standing
+from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, Standing, UnsettledError
 from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import SAME_DIRECTION_RAD, RoadNetwork

@@ -1,12 +1,13 @@
-"""Reads the statements of an actor that determine its position and its track, and the kind of lanes that its model
-uses."""
+"""Reads the statements of an actor that determine its position, speed, steering and track, and the kind of lanes that
+its model uses."""
 
 from __future__ import annotations
 
 import math
 from typing import TypeVar
 
-from foresee_dsl.compile.bundle import ModelSpec, Playback, TimedValue
+from foresee_dsl.compile.bundle import ModelSpec, Playback, RecordedState, Steering, TimedValue
+from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.compile.tracks import FileTrack
@@ -89,3 +90,28 @@ def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
     heading = wrap(si(state.heading))
     back = spec.length_m / 2 if spec.kind in WHEELS else 0.0
     return si(state.at.x) - back * math.cos(heading), si(state.at.y) - back * math.sin(heading), heading
+
+
+def cruise_of(actor: m.Ego | m.Actor, spec: ModelSpec, limit_mps: float) -> float:
+    """Return an actor's cruise speed, m/s: its statement's, or its model's where this speed limit holds."""
+    statement = item(actor, m.CruiseSpeed)
+    return si(statement.speed) if statement is not None else cruise_speed(spec, limit_mps)
+
+
+def recorded_state(statement: m.Recorded) -> RecordedState:
+    """Return a state of the ego before its driver takes over."""
+    state = statement.state
+    return RecordedState(
+        time_s=si(statement.time),
+        x=si(state.at.x),
+        y=si(state.at.y),
+        heading_rad=si(state.heading),
+        speed_mps=max(si(state.speed), 0.0),
+        acceleration_mps2=si(state.acceleration),
+        steer_rad=si(state.steer),
+    )
+
+
+def steering_of(steers: m.Steers) -> Steering:
+    """Return a steering perturbation."""
+    return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))

@@ -11,8 +11,15 @@ from typing import Literal, assert_never
 import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_actions, door_side
-from foresee_dsl.derive.clipping.snapshot import front, has_passed, present, remaining_route
-from foresee_dsl.derive.clipping.tracks import TrackProgress, ego_track, track_progress
+from foresee_dsl.derive.clipping.snapshot import (
+    TrackProgress,
+    ego_track,
+    front,
+    has_passed,
+    present,
+    remaining_route,
+    track_progress,
+)
 from foresee_dsl.derive.clipping.triggers import Resumed, at_once, triggers_at
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeVar, assert_never
 
 import numpy as np
 
@@ -375,6 +375,8 @@ class _Rest:
                 | m.Then()
             ):
                 return None
+            case _:
+                assert_never(action)
 
 
 def _sets(action: Resumed | m.Meets | m.ChangesLane) -> str:

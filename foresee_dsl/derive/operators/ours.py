@@ -11,9 +11,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.random import Generator
 
+from foresee_dsl.compile.bundle import STYLES, DrivingStyle
 from foresee_dsl.compile.placement.paths import LINE_OVER_M
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.compile.styles import STYLES, DrivingStyle
 from foresee_dsl.derive.operators.situation import (
     ActorsRun,
     BuiltIn,

@@ -14,7 +14,6 @@ from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import Rewrite
-from foresee_dsl.language.codes.names import STALE_PIN
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.syntax.scan import Lines
@@ -129,7 +128,7 @@ def _of_the_parent(diagnostics: tuple[Diagnostic, ...], fix: Fix) -> Fix | None:
     """Return the edit with the parent's actual pin in place of an example's; None if the edit does not write a wrong
     pin."""
     for diagnostic in diagnostics:
-        if diagnostic.code == STALE_PIN and diagnostic.names:
+        if diagnostic.code == "FS135" and diagnostic.names:
             now, pinned = diagnostic.names
             if pinned in fix.text:
                 return replace(fix, title=fix.title.replace(pinned, now), text=fix.text.replace(pinned, now))

@@ -11,7 +11,6 @@ from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.traversal import fields_of, walk
@@ -88,14 +87,14 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     try:
         result = _result(use.value, values)
     except ExpressionError as error:
-        return error.item, "", c.NO_RESULT, error.message, not_by_zero(error.item, values)
+        return error.item, "", "FS063", error.message, not_by_zero(error.item, values)
     form = form_of(type(use.item), use.field.partition(".")[0])
     statement = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
     if form.dimension == "count" and (result.value != result.value.to_integral_value() or result.value < 0):
         return (
             use.item,
             use.field,
-            c.MISFIT,
+            "FS032",
             f"{statement}, but this place needs a whole number",
             "write one such as " + write("2"),
         )

@@ -8,7 +8,7 @@ from foresee_dsl.helps import rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.printer import value_text, written
-from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
+from foresee_dsl.language.sampling import MAX_CASES, case_names
 from foresee_dsl.limits import most, raised_by
 
 _MAX_SEED = 10**9

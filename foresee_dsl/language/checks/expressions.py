@@ -11,7 +11,6 @@ from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, turned
 from foresee_dsl.language.arithmetic.evaluate import evaluate
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import written
@@ -25,7 +24,7 @@ def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Exp
     except ExpressionError:
         help = "write its value"
     message = f"{kind} holds values only: `{written(value)}` is not calculated here"
-    findings.add(item, field, c.NO_EXPRESSION, message, help)
+    findings.add(item, field, "FS064", message, help)
 
 
 def check_expression(
@@ -43,12 +42,12 @@ def check_expression(
     dimensions = Dimensions(types, POWERS[needed] if needed is not None else None)
     powers = dimensions.of(value)
     for mismatch in dimensions.mismatches:
-        findings.add(mismatch.item, "", c.MIXED_KINDS, mismatch.message, mismatch.help)
+        findings.add(mismatch.item, "", "FS062", mismatch.message, mismatch.help)
     if powers is None or needed is None or powers == POWERS[needed]:
         return powers
     message = f"`{written(value)}` is {in_words(powers)}, but {NOUNS[needed]} is needed here"
     findings.add(
-        item, field, c.MIXED_KINDS, message, _instead(value, needed, dimensions, Findings.example(needed, item, field))
+        item, field, "FS062", message, _instead(value, needed, dimensions, Findings.example(needed, item, field))
     )
     return None
 
@@ -80,7 +79,7 @@ def compare_sides(findings: Findings, item: m.Comparison, types: Mapping[str, m.
     left = dimensions.of(item.left) if not isinstance(item.left, m.Measure) else None
     right = dimensions.of(item.right)
     for mismatch in dimensions.mismatches:
-        findings.add(mismatch.item, "", c.MIXED_KINDS, mismatch.message, mismatch.help)
+        findings.add(mismatch.item, "", "FS062", mismatch.message, mismatch.help)
     if left is None or right is None:
         return False
     if left == right:
@@ -88,7 +87,7 @@ def compare_sides(findings: Findings, item: m.Comparison, types: Mapping[str, m.
     message = f"`{written(item.left)}` is {in_words(left)}, but `{written(item.right)}` {_is(item.right, right)}"
     dimension = named(left)
     help = "compare it with " + Findings.example(dimension) if dimension is not None else "compare values of one kind"
-    findings.add(item, "right", c.MIXED_KINDS, message, help)
+    findings.add(item, "right", "FS062", message, help)
     return False
 
 

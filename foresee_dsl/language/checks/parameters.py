@@ -14,7 +14,6 @@ from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by, plain, references
 from foresee_dsl.language.arithmetic.results import not_by_zero
 from foresee_dsl.language.checks.drawn import check_drawn
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
@@ -114,7 +113,7 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
         if isinstance(item, m.Assignment):
             help = "write a value: " + write(f"{item.name} = {value_text(plain(parameters[item.name].default))}")
             item = item if any(item is assignment for assignment in case.values) else case
-        findings.add(item, "", c.NO_RESULT, f"in case '{case.name}', {error.message}", help)
+        findings.add(item, "", "FS063", f"in case '{case.name}', {error.message}", help)
         return
     for assignment in computed:
         _check_value(findings, parameters[assignment.name], assignment, "value", values[assignment.name])

@@ -11,7 +11,7 @@ from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import value_text, written
-from foresee_dsl.language.sampling.draws import holds, violation
+from foresee_dsl.language.sampling import holds, violation
 from foresee_dsl.language.traversal import parts
 
 

@@ -16,7 +16,7 @@ from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.sampling.draws import TooFewError, draw
+from foresee_dsl.language.sampling import TooFewError, draw
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 

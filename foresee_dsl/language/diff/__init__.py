@@ -3,6 +3,6 @@
     changes = diff_models(a, b)     # runner.speed: 50 km/h => 60 km/h (+10 km/h)
     apply(a, changes)               # means what b means
 
-`compare` finds the differences, `matching` pairs the statements, `wording` words the differences, `parts` has their
-records and applies them, `rendering` renders them, `addresses` reads the files, `plain` writes a file for `git diff`.
+`compare` pairs the statements and finds the differences, `wording` words them, `parts` has their records and applies
+them, `rendering` renders them, `addresses` reads the files, `plain` writes a file for `git diff`.
 """

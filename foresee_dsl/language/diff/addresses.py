@@ -9,7 +9,6 @@ from pathlib import Path
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of
 from foresee_dsl.language.diff.plain import TextChange, texts
@@ -79,7 +78,7 @@ def parent_address(derived: str) -> str:
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):
         message = f"this holds a {model.kind}, which has no parent"
-        raise mistake(c.WRONG_KIND, message, "name two files to compare", display_path(file))
+        raise mistake("FS132", message, "name two files to compare", display_path(file))
     case = model.case if isinstance(model, m.Clip) else None
     address = display_path(file.parent / model.parent)
     return f"{address}::{case}" if case else address
@@ -178,7 +177,7 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
     model = project.definition(path)
     if isinstance(model, m.Network):
         return model
-    raise mistake(c.WRONG_KIND, f"'{used.path}' does not hold a network", "", "")
+    raise mistake("FS132", f"'{used.path}' does not hold a network", "", "")
 
 
 def _used_tracks(file: Path, scenario: m.Scenario) -> Path | None:

@@ -7,7 +7,6 @@ from typing import get_args
 
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.lints.roads import Roads, junctions_of
 from foresee_dsl.language.printer import written
@@ -34,7 +33,7 @@ def actor_lints(case: TestCase) -> Iterator[LintFinding]:
                 continue  # any car may open a door, also the ego and a parked one
             reason = _cannot(action, actor_)
             if reason:
-                yield LintFinding(action, "", c.CANNOT_DO, *reason)
+                yield LintFinding(action, "", "FS305", *reason)
             elif isinstance(action, m.ChangesSpeed):
                 yield from _too_fast(action, "to", action.to, actor_, case.models)
 
@@ -84,7 +83,7 @@ def _too_fast(
     if speed.si > top.si * _SLACK:
         message = f"'{actor.name}' cannot reach {written(speed)}: the maximum of {model.name} is {written(top)}"
         help = "use at most " + write(written(top)) + ", or a faster model"
-        yield LintFinding(item, field, c.OVER_TOP_SPEED, message, help)
+        yield LintFinding(item, field, "FS308", message, help)
 
 
 def route_lints(case: TestCase) -> Iterator[LintFinding]:
@@ -113,7 +112,7 @@ def _gap(item: m.Item, roads: Roads) -> LintFinding | None:
                     f"'{first}' ends at {roads.edges[first][1]}, but '{second}' begins at {roads.edges[second][0]}"
                 )
                 help = "write " + write(f"[{first}, ..., {second}]") + " for the shortest way between them"
-                return LintFinding(item, "edges", c.BROKEN_ROUTE, message, help)
+                return LintFinding(item, "edges", "FS309", message, help)
     if isinstance(item, m.Route) and isinstance(item.start, str):
         return _gap_between_legs(item, roads)
     return None
@@ -129,7 +128,7 @@ def _gap_between_legs(route: m.Route, roads: Roads) -> LintFinding | None:
         reached = roads.reached(edges)
         if junction not in reached:
             help = "write the turn first that goes over " + one_of(sorted(reached), " or ")
-            return LintFinding(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
+            return LintFinding(leg, "junction", "FS309", f"{before} does not lead to '{junction}'", help)
         edges = roads.leaving(junction)
         before = f"the way over '{junction}'"
     return None
@@ -144,4 +143,4 @@ def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, s
                 f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` never has a value"
             )
             help = "its route goes over " + (one_of(sorted(passed[part.actor])) or "no junction")
-            yield LintFinding(part, "other", c.NOT_ON_ROUTE, message, help)
+            yield LintFinding(part, "other", "FS304", message, help)

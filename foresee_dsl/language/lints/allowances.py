@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import remove
-from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.codes import NETWORK_LINTS, diagnostic_of
 from foresee_dsl.language.project.document import Document
 
 if TYPE_CHECKING:
@@ -36,11 +36,6 @@ class _Allowance:
     needed: bool = field(default=False)
 
 
-_ON_THE_NETWORK = frozenset({"FS330", "FS331", "FS332"})
-"""Codes of lints that need the built network. Before the network is built, a comment that allows such a lint must not
-be called unnecessary."""
-
-
 def left(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the warnings that remain: those that no comment of the file allows."""
     allowances = list(_allowances(document.text))
@@ -54,16 +49,13 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
     reported = [diagnostic for diagnostic in diagnostics if not _allowed(diagnostic, allowances)]
     lines = document.text.split("\n")
     for allowance in allowances:
-        if not allowance.needed and allowance.code not in _ON_THE_NETWORK:
+        # whether a lint of the network is reported shows only once the network is built
+        if not allowance.needed and not allowance.code.startswith(NETWORK_LINTS):
             span = allowance.span
             message = f"no {allowance.code} is reported here, so this comment has no effect"
             source = lines[span.line - 1]
-            reported.append(
-                replace(
-                    Diagnostic.of(c.NEEDLESS_ALLOW, message, remove("remove the comment"), document.path, span, source),
-                    severity="warning",
-                )
-            )
+            help = remove("remove the comment")
+            reported.append(diagnostic_of("FS312", message, help, document.path, span, source))
     return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column, d.code) if d.span else (0, 0, d.code)))
 
 

@@ -8,6 +8,7 @@ from typing import assert_never
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import references
+from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import walk
 
@@ -15,8 +16,8 @@ Interval = tuple[float, float]
 _EVERYTHING = (-math.inf, math.inf)
 
 
-def divisions_by_zero(scenario: m.Scenario) -> Iterator[tuple[m.Item, str, str]]:
-    """Yield each division whose divisor can be zero within the parameters' ranges: item, message, help."""
+def divisions_by_zero(scenario: m.Scenario) -> Iterator[LintFinding]:
+    """Yield the lints about divisions whose divisor can be zero within the parameters' ranges."""
     quotients = [
         part
         for item in scenario.body
@@ -36,7 +37,7 @@ def divisions_by_zero(scenario: m.Scenario) -> Iterator[tuple[m.Item, str, str]]
         by = written(quotient.right)
         message = f"`{written(quotient)}` has no value if `{by}` is 0, which the range of '{names[0]}' allows"
         help = f"exclude zero: `require {names[0]} > 0{_unit(scenario, names[0])}`, or use another range"
-        yield quotient, message, help
+        yield LintFinding(quotient, "", "FS314", message, help)
 
 
 def _takes_zero(scenario: m.Scenario, name: str) -> bool:

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.certain import About, Limits, always, earliest_s, never
 from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.lints.roads import Roads, junctions_of
+from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, parts, walk
@@ -20,8 +21,20 @@ _HELP = "change the condition, or " + remove("remove the actions that wait for i
 _ROUNDING_S = 1e-6
 
 
-def limits_of(case: TestCase, end_s: float) -> Limits:
+def certain_conditions(case: TestCase) -> Iterator[LintFinding]:
+    """Yield the lints about triggers and expectations whose result is certain before the run."""
+    limits = _limits_of(case)
+    actions = tuple(action for when in case.scenario.all(m.When) for action in all_actions(when.actions))
+    for when in case.scenario.all(m.When):
+        yield from _dead_triggers(when, limits, actions)
+    for expect in case.scenario.all(m.Expect):
+        yield from _decided(expect, limits)
+
+
+def _limits_of(case: TestCase) -> Limits:
     """Return what the lints know about a test case's run before it starts: its end, and facts about each actor."""
+    end = case.scenario.first(m.End)
+    end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
     roads = Roads(case.network) if isinstance(case.network, m.Network) else None
     return Limits(end_s, {actor.name: _about(actor, case.models, roads) for actor in case.scenario.actors})
 
@@ -51,14 +64,14 @@ def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozense
     return frozenset((*reached, *begins))
 
 
-def dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> Iterator[LintFinding]:
+def _dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> Iterator[LintFinding]:
     """Yield the lints about a trigger that cannot fire or has steps that no run reaches; `others` are all actions of
     the scenario."""
     reason = never(when.condition, limits)
     if reason:
         yield _never_happens(when, reason)
         return  # no run reaches the steps after it either
-    yield from dead_parts(when.condition, limits)
+    yield from _dead_parts(when.condition, limits)
     yield from _dead_steps(when.actions, earliest_s(when.condition), limits, others)
 
 
@@ -83,7 +96,7 @@ def _dead_steps(
             yield _never_happens(action, reason)
             return
         if condition is not None:
-            yield from dead_parts(condition, limits)
+            yield from _dead_parts(condition, limits)
         yield from _dead_steps(action.actions, starts_s, limits, others)
         done_s = max(done_s, starts_s)
 
@@ -104,11 +117,36 @@ def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
 
 
 def _never_happens(item: m.When | m.Then, reason: str) -> LintFinding:
-    return LintFinding(item, "condition" if item.condition is not None else "", c.NEVER_FIRES,
+    return LintFinding(item, "condition" if item.condition is not None else "", "FS303",
                  f"this can never happen: {reason}", _HELP)  # fmt: skip
 
 
-def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
+def _decided(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
+    until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
+    if until > limits.end_s and expect.within is not None:
+        message = (
+            f"the run ends after {limits.end_s:g} s, which is before the {written(expect.within)} of this "
+            "expectation are over"
+        )
+        help = "write " + write(f"end after {written(expect.within)}") + ", or give the expectation a shorter time"
+        yield LintFinding(expect, "within", "FS306", message, help)
+    inside = replace(limits, end_s=min(until, limits.end_s))
+    cannot, must = never(expect.condition, inside), always(expect.condition, inside)
+    if not (cannot or must):
+        yield from _dead_parts(expect.condition, inside)
+        return
+    met = bool(cannot) if expect.mode == "never" else bool(must)
+    message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
+    yield LintFinding(
+        expect,
+        "condition",
+        "FS307",
+        message,
+        "expect something that a driver can meet or miss, or " + remove("remove it"),
+    )
+
+
+def _dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
     """Yield the lints about those parts of a condition whose result is certain although the result of the whole
     condition is not."""
     for part in parts(condition):
@@ -117,7 +155,7 @@ def dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
         dead, certain = never(part, limits), always(part, limits)
         if dead or certain:
             message = f"`{written(part)}` {'can never hold' if dead else 'always holds'}: {dead or certain}"
-            yield LintFinding(part, "", c.DEAD_PART, message, remove("remove this part") + ", or write what was meant")
+            yield LintFinding(part, "", "FS315", message, remove("remove this part") + ", or write what was meant")
             return  # the parts around it are certain for the same reason
 
 
@@ -131,33 +169,28 @@ def dead_requirements(scenario: m.Scenario) -> Iterator[LintFinding]:
             yield LintFinding(
                 require,
                 "condition",
-                c.DEAD_PART,
+                "FS315",
                 message,
                 "change the requirement, or " + remove("remove it"),
             )
         else:
-            yield from dead_parts(require.condition, limits)
+            yield from _dead_parts(require.condition, limits)
 
 
-def blind_actors(scenario: m.Scenario) -> Iterator[LintFinding]:
+def blind_actors(case: TestCase) -> Iterator[LintFinding]:
     """Yield the errors about `sees` for an actor other than the ego, which alone has sensors."""
-    for statement in scenario.body:
+    for statement in case.scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Sees) and part.actor != "ego":
                 message = f"'{part.actor}' has no sensors: only the ego sees"
                 help = "write " + write(f"{part.other} in sight of {part.actor}")
-                yield LintFinding(part, "actor", c.NO_SENSORS, message, help)
+                yield LintFinding(part, "actor", "FS316", message, help)
 
 
-def of_itself(scenario: m.Scenario) -> Iterator[LintFinding]:
+def of_itself(case: TestCase) -> Iterator[LintFinding]:
     """Yield the lints about measures between an actor and itself."""
-    for statement in scenario.body:
+    for statement in case.scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Measure) and part.actor is not None and part.actor == part.other:
                 message = f"`{written(part)}` is measured between '{part.actor}' and itself"
-                yield LintFinding(part, "other", c.DEAD_PART, message, "name two different actors")
-
-
-def actions_of(scenario: m.Scenario) -> tuple[m.Action, ...]:
-    """Return every action of a scenario's triggers."""
-    return tuple(action for when in scenario.all(m.When) for action in all_actions(when.actions))
+                yield LintFinding(part, "other", "FS315", message, "name two different actors")

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by
-from foresee_dsl.language.codes import names as c
-from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.language.lints import dead_text
+from foresee_dsl.language.codes import diagnostic_of
 from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
-from foresee_dsl.language.lints.certain import Limits, always, never
+from foresee_dsl.language.lints.arithmetic import divisions_by_zero
+from foresee_dsl.language.lints.dead_text import blind_actors, certain_conditions, dead_requirements, of_itself
 from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.meaning import file_pin
-from foresee_dsl.language.model.scenario import DEFAULT_END_S
-from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
-
-_TOO_FAST = "FS256"
-"""The compiler's code for a speed above the model's maximum, which replaces the lint about the same speed."""
 
 
 def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
@@ -36,43 +30,28 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """
     lints: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):
-        divisions = _divisions(document.model) if document.calculates else ()
-        of_text = (*_unused_parameters(document.model), *_dead_cases(document.model), *divisions)
-        for lint_ in (*of_text, *dead_text.dead_requirements(document.model)):
-            _add(lints, document, lint_)
+        for scenario_lint in _SCENARIO_LINTS:
+            for finding in scenario_lint(document.model):
+                _add(lints, document, finding)
     for case in cases:
         if case.clip is None and case.mutant is None:
             places = _places(case, document.model)
-            for lint_ in _of_case(case):
-                item = places.get(id(lint_.item), lint_.item)
-                _add(lints, document, replace(lint_, item=item))
+            for case_lint in _CASE_LINTS:
+                for finding in case_lint(case):
+                    _add(lints, document, replace(finding, item=places.get(id(finding.item), finding.item)))
     return without_allowed(document, [*lints.values(), *hidden_characters(document.text, document.path)])
 
 
-def without_repeated(lints: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return the lints followed by `placements` (errors found on the network), without the lints that the placements
-    repeat."""
-    placed = {(d.code, d.path, d.span.line) for d in placements if d.span is not None}
-
-    def repeats(lint: Diagnostic) -> bool:
-        if lint.code == c.BROKEN_ROUTE:
-            return True  # only the network decides whether a route is possible
-        at = (_TOO_FAST, lint.path, lint.span.line) if lint.span is not None else None
-        return lint.code == c.OVER_TOP_SPEED and at in placed
-
-    return [*(lint for lint in lints if not repeats(lint)), *placements]
-
-
-def _add(lints: dict[tuple[Span | None, str], Diagnostic], document: Document, lint_: LintFinding) -> None:
-    if document.span(lint_.item) is None:
+def _add(lints: dict[tuple[Span | None, str], Diagnostic], document: Document, finding: LintFinding) -> None:
+    if document.span(finding.item) is None:
         return  # it is written in a file that this one extends, which is checked on its own
-    diagnostic = document.diagnostic(lint_.item, lint_.field, lint_.code, lint_.message, lint_.help)
+    diagnostic = document.diagnostic(finding.item, finding.field, finding.code, finding.message, finding.help)
     span = diagnostic.span
     # Only the first line is underlined, because a whole underlined block is unreadable.
     if span is not None and span.end_line != span.line:
         end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
         span = Span(span.line, span.column, span.line, max(end, span.column + 1))
-    lints.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=every_code()[lint_.code].severity))
+    lints.setdefault((span, finding.code), replace(diagnostic, span=span))
 
 
 # ---- lints of the text ----------------------------------------------------------------------------------------------
@@ -87,7 +66,7 @@ def _unused_parameters(scenario: m.Scenario) -> Iterator[LintFinding]:
     for parameter in scenario.all(m.Param):
         if parameter.name not in used:
             help = "write " + write(parameter.name) + " where its value belongs, or " + remove("remove it")
-            yield LintFinding(parameter, "name", c.UNUSED_PARAMETER, f"nothing uses parameter '{parameter.name}'", help)
+            yield LintFinding(parameter, "name", "FS301", f"nothing uses parameter '{parameter.name}'", help)
 
 
 def _dead_cases(scenario: m.Scenario) -> Iterator[LintFinding]:
@@ -96,17 +75,8 @@ def _dead_cases(scenario: m.Scenario) -> Iterator[LintFinding]:
         key = tuple(sorted((name, _comparable(value)) for name, value in case_values(scenario, case).items()))
         if key in seen:
             message = f"case '{case.name}' has the same values as case '{seen[key]}'"
-            yield LintFinding(
-                case, "name", c.DEAD_CASE, message, "change a value, or " + remove("remove one of the two")
-            )
+            yield LintFinding(case, "name", "FS302", message, "change a value, or " + remove("remove one of the two"))
         seen.setdefault(key, case.name)
-
-
-def _divisions(scenario: m.Scenario) -> Iterator[LintFinding]:
-    from foresee_dsl.language.lints.arithmetic import divisions_by_zero
-
-    for item, message, help in divisions_by_zero(scenario):
-        yield LintFinding(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
 
 
 def _comparable(value: m.ParamValue) -> object:
@@ -116,56 +86,15 @@ def _comparable(value: m.ParamValue) -> object:
 # ---- lints of a test case -------------------------------------------------------------------------------------------
 
 
-def _of_case(case: TestCase) -> Iterator[LintFinding]:
+def _nothing_expected(case: TestCase) -> Iterator[LintFinding]:
     scenario = case.scenario
-    end = scenario.first(m.End)
-    end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
-    limits, actions = dead_text.limits_of(case, end_s), dead_text.actions_of(scenario)
-    for when in scenario.all(m.When):
-        yield from dead_text.dead_triggers(when, limits, actions)
-    for expect in scenario.all(m.Expect):
-        yield from _expectation(expect, limits)
-    yield from _nothing_expected(scenario)
-    yield from dead_text.blind_actors(scenario)
-    yield from dead_text.of_itself(scenario)
-    yield from actor_lints(case)
-    yield from route_lints(case)
-    yield from _not_pinned(case)
-
-
-def _expectation(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
-    until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
-    if until > limits.end_s and expect.within is not None:
-        message = (
-            f"the run ends after {limits.end_s:g} s, which is before the {written(expect.within)} of this "
-            "expectation are over"
-        )
-        help = "write " + write(f"end after {written(expect.within)}") + ", or give the expectation a shorter time"
-        yield LintFinding(expect, "within", c.CUT_SHORT, message, help)
-    inside = replace(limits, end_s=min(until, limits.end_s))
-    cannot, must = never(expect.condition, inside), always(expect.condition, inside)
-    if not (cannot or must):
-        yield from dead_text.dead_parts(expect.condition, inside)
-        return
-    met = bool(cannot) if expect.mode == "never" else bool(must)
-    message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
-    yield LintFinding(
-        expect,
-        "condition",
-        c.DECIDED,
-        message,
-        "expect something that a driver can meet or miss, or " + remove("remove it"),
-    )
-
-
-def _nothing_expected(scenario: m.Scenario) -> Iterator[LintFinding]:
     named = {getattr(part, field, None) for expect in scenario.all(m.Expect) for part in walk(expect)
              for field in ("actor", "other", "name")}  # fmt: skip
     if "ego" in named:
         return
     message = f"scenario '{scenario.name}' expects nothing of the ego"
     yield LintFinding(
-        scenario, "name", c.NOTHING_EXPECTED, message, "add " + write("expect never collision(ego)") + ", for example"
+        scenario, "name", "FS310", message, "add " + write("expect never collision(ego)") + ", for example"
     )
 
 
@@ -174,7 +103,21 @@ def _not_pinned(case: TestCase) -> Iterator[LintFinding]:
     if used is not None and used.pin is None and case.tracks is not None:
         message = f"'{used.path}' is not pinned, so nothing notices when it changes"
         help = "write " + write(f'use tracks "{used.path}" pin {file_pin(case.tracks)}')
-        yield LintFinding(used, "", c.NO_PIN, message, help)
+        yield LintFinding(used, "", "FS317", message, help)
+
+
+_SCENARIO_LINTS = (_unused_parameters, _dead_cases, divisions_by_zero, dead_requirements)
+"""All lints of a scenario as it is written."""
+_CASE_LINTS = (
+    certain_conditions,
+    _nothing_expected,
+    blind_actors,
+    of_itself,
+    actor_lints,
+    route_lints,
+    _not_pinned,
+)
+"""All lints of a test case."""
 
 
 # ---- places ---------------------------------------------------------------------------------------------------------
@@ -229,8 +172,8 @@ def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
         if column is not None:
             sign = line[column]
             name = unicodedata.name(sign, "a control character").lower()
-            yield Diagnostic(
-                c.HIDDEN_CHARACTER,
+            yield diagnostic_of(
+                "FS313",
                 (
                     f"the invisible character U+{ord(sign):04X} ({name}) may make this line look different "
                     "from what it says"
@@ -239,7 +182,6 @@ def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
                 path,
                 Span(number, column + 1, number, column + 2),
                 line,
-                "warning",
             )
 
 

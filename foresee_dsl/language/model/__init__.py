@@ -7,10 +7,14 @@ gives the file back. A class contains the pattern of its text (`item.Item`); `IT
 
 from foresee_dsl.language.model.actions import *
 from foresee_dsl.language.model.actors import *
+
+# isort: split - triggers come right after actors: where two classes have a word, the first or the last of them counts
+from foresee_dsl.language.model.triggers import *
+
+# isort: split
 from foresee_dsl.language.model.campaign import *
 from foresee_dsl.language.model.conditions import *
 from foresee_dsl.language.model.derived import *
-from foresee_dsl.language.model.expected import *
 from foresee_dsl.language.model.item import *
 from foresee_dsl.language.model.network import *
 from foresee_dsl.language.model.scenario import *

@@ -137,6 +137,36 @@ class SearchGoal(Item):
     name: Name
 
 
+class Rules(Item):
+    """`rules report`: a run in which the ego breaks a traffic rule passes, and the break is reported; `rules off`: the
+    rules are not judged; `rules fail`: such a run fails."""
+
+    pattern = "rules {mode}"
+    words = """
+        rules (statement): what it means in a campaign that the ego breaks a traffic rule | rules report
+        fail (constant): a run in which the ego breaks a traffic rule fails | rules fail
+        report (constant): broken traffic rules are reported, and fail no run | rules report
+        off (constant): traffic rules are not judged | rules off
+    """
+
+    sets: ClassVar[Mapping[str, str]] = {"mode": "rules"}
+    mode: Literal["fail", "report", "off"]
+
+
+class FirstFrom(Item):
+    """`first_from "out/idm"`: a folder of an earlier campaign, or of kept failures, from the campaign's folder: mutants
+    that failed there are run first, in clips of the same test case."""
+
+    pattern = "first_from {path}"
+    words = """
+        first_from (statement): an earlier campaign or kept failures, whose failing mutants are run first
+            | first_from "out/idm"
+    """
+
+    sets: ClassVar[Mapping[str, str]] = {"path": "first_from"}
+    path: FilePath
+
+
 class FirstSeed(Item):
     """`seed 7`: the seed of all random choices."""
 
@@ -168,6 +198,8 @@ CampaignItem = Annotated[
     | Repeat
     | Allocation
     | SearchGoal
+    | Rules
+    | FirstFrom
     | FirstSeed
     | Budget,
     ONE_OF,

@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 from foresee_dsl.language.model import actors as a
 from foresee_dsl.language.model.actions import HARDEST_MPS2, WIDEST_LINE_M
-from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.model.scenario import ParamValue, SignalState, Slippery, Statement, Tags
+from foresee_dsl.language.model.scenario import Expected, ParamValue, SignalState, Slippery, Statement, Tags
+from foresee_dsl.language.model.triggers import When
 from foresee_dsl.language.model.values import (
     ActorName,
     Expression,
@@ -304,7 +304,7 @@ class Fidelity(Item):
 
 
 ClipItem = Annotated[
-    Doc | Expected | Window | Risk | a.Ego | Goal | Slippery | a.Actor | SignalState | a.When | Fidelity, ONE_OF
+    Doc | Expected | Window | Risk | a.Ego | Goal | Slippery | a.Actor | SignalState | When | Fidelity, ONE_OF
 ]
 
 

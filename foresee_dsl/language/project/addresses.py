@@ -11,7 +11,6 @@ from pathlib import Path, PurePath
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import open_outside
 from foresee_dsl.helps import HelpText, meant_word, write
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.values import NAME_PATTERN
 
@@ -39,14 +38,14 @@ def parse_address(address: str) -> tuple[Path, str | None]:
         file, case = address, ""
     if not file:
         raise mistake(
-            c.BAD_ADDRESS,
+            "FS131",
             f"'{address}' does not name a file",
             "write " + write("file.foresee") + " or " + write("file.foresee::case"),
             address,
         )
     if mark and not re.fullmatch(NAME_PATTERN, case):
         message = f"'{case}' is not the name of a case"
-        raise mistake(c.BAD_ADDRESS, message, "write " + write("file.foresee::case"), file)
+        raise mistake("FS131", message, "write " + write("file.foresee::case"), file)
     return Path(file), case or None
 
 
@@ -109,11 +108,11 @@ def missing(path: Path) -> InputError:
     name = display_path(path)
     if is_folder(path):
         example = f"write `{name}/NAME{SUFFIX}`"
-        return mistake(c.BAD_ADDRESS, f"'{name}' is a folder, but one file is needed", example, name)
+        return mistake("FS131", f"'{name}' is a folder, but one file is needed", example, name)
     if os.path.lexists(path):
         what = "the target of this link does not exist" if not path.exists() else "this is not an ordinary file"
-        return mistake(c.MISSING_FILE, f"'{name}': {what}", "name a text file", name)
-    return mistake(c.MISSING_FILE, f"there is no file or folder '{name}'", near_files(path), name)
+        return mistake("FS130", f"'{name}': {what}", "name a text file", name)
+    return mistake("FS130", f"there is no file or folder '{name}'", near_files(path), name)
 
 
 def near_files(path: Path) -> HelpText:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.document import Document
@@ -60,12 +59,12 @@ def check_model(
     """
     item, field = place
     if name not in models:
-        findings.add(item, field, c.UNKNOWN_MODEL, f"there is no model '{name}'", did_you_mean(name, models))
+        findings.add(item, field, "FS110", f"there is no model '{name}'", did_you_mean(name, models))
     elif kind is not None and not fits(name, kind):
         wanted = ", ".join(VEHICLE_CLASSES) if kind in ("ego", "vehicle") else kind
         message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot have the model '{name}'"
         near = [model for model in models if fits(model, kind)]
-        findings.add(item, field, c.WRONG_CLASS, message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
+        findings.add(item, field, "FS038", message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
 
 
 def check_models(

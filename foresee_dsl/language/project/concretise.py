@@ -11,12 +11,11 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, references
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.sampling.draws import case_names, draw
+from foresee_dsl.language.sampling import case_names, draw
 from foresee_dsl.language.traversal import PLAIN
 from foresee_dsl.language.units import UNITS
 
@@ -74,12 +73,12 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
     if case not in by_name:
         message = f"scenario '{scenario.name}' has no case '{case}'"
         help = did_you_mean(case, by_name) or "it has no cases: leave out " + write("::case")
-        findings.add(None, "", c.UNKNOWN_CASE, message, help)
+        findings.add(None, "", "FS100", message, help)
         findings.raise_if_any()
     try:
         values = case_values(scenario, by_name[case])
     except ExpressionError as error:
-        findings.add(error.item, "", c.NO_RESULT, f"in case '{case}', {error.message}", "write another value")
+        findings.add(error.item, "", "FS063", f"in case '{case}', {error.message}", "write another value")
         findings.raise_if_any()
         raise
     params = {param.name: param for param in scenario.all(m.Param)}
@@ -87,12 +86,12 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
         param = params.get(assignment.name)
         if param is None:
             message = f"scenario '{scenario.name}' has no parameter '{assignment.name}'"
-            findings.add(assignment, "name", c.UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
+            findings.add(assignment, "name", "FS031", message, did_you_mean(assignment.name, values))
             continue
         if not same_kind(values[assignment.name], param.default):
             message = f"parameter '{param.name}' is of type {param.type}, but {value_text(assignment.value)} is not"
             help = f"write it like the default, {value_text(param.default)}"
-            findings.add(assignment, "value", c.MISFIT, message, help)
+            findings.add(assignment, "value", "FS032", message, help)
     return values
 
 
@@ -126,19 +125,19 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
         except ExpressionError as error:
             where = f"in case '{case}', " if case is not None else ""
             findings.add(
-                error.item, "", c.NO_RESULT, f"{where}{error.message}", "exclude such values with a " + write("require")
+                error.item, "", "FS063", f"{where}{error.message}", "exclude such values with a " + write("require")
             )
             return part
 
     def unknown(owner: m.Item, name: str, ref: m.Ref) -> None:
         message = f"'{ref.name}' is not a parameter of this scenario"
         units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with " + write("param")
-        findings.add(owner, name, c.UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units)
+        findings.add(owner, name, "FS031", message, did_you_mean(ref.name, values) or units)
 
     def refused(owner: m.Item, name: str, part: m.Ref | m.Expression, error: ValidationError) -> None:
         what = f"parameter '{part.name}'" if isinstance(part, m.Ref) else f"`{value_text(part)}`"
         text = value_text(replace(owner, name, part))
-        findings.add(owner, name, c.MISFIT, f"{what} ({text}) does not fit here: {complaint(error)}")
+        findings.add(owner, name, "FS032", f"{what} ({text}) does not fit here: {complaint(error)}")
 
     return cast(_ItemT, _walk(item, replace, refused))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from foresee_dsl.errors import Diagnostic, Message, MessageText, Span
 from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import diagnostic_of
 from foresee_dsl.notebooks import Displayed
 
 
@@ -63,7 +64,7 @@ class Document:
     def diagnostic(
         self, item: m.Item | None, name: str, code: str, message: MessageText, help: HelpText = ""
     ) -> Diagnostic:
-        """Return an error about an item of this file (None: about the file).
+        """Return an error or a warning about an item of this file (None: about the file), as its code says.
 
         An error about an item that comes from the extended scenario is placed at `extends`, and names the line in the
         other file.
@@ -76,7 +77,7 @@ class Document:
         span = self.span(item, name) if item is not None else None
         lines = self.text.split("\n")
         line = lines[span.line - 1] if span is not None and span.line <= len(lines) else ""
-        return Diagnostic.of(code, message, help, self.path, span, line)
+        return diagnostic_of(code, message, help, self.path, span, line)
 
     def _holder(self, item: m.Item) -> Document:
         """Return the document whose file contains an item: this document, or one that it extends."""

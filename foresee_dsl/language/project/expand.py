@@ -9,7 +9,6 @@ from typing import TypeVar
 from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.changes import changed_body, weakened
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -76,7 +75,7 @@ def expand_mutant(
         before, changed = changed, changed_body(change, changed, findings, models=clip_case.models)
         if (softer := weakened(before, changed)) is not None:
             message = f"this makes '{softer}' easier to meet than in the clip, which would hide a failure"
-            findings.add(change, "now", c.WEAKENED, message, "leave the expectation as it is, or make it stricter")
+            findings.add(change, "now", "FS311", message, "leave the expectation as it is, or make it stricter")
     _check_expected_actors(findings, mutant, clip_case.scenario)
     findings.raise_if_any()
     body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.UseTracks | m.Network))
@@ -155,7 +154,7 @@ def _essentials(clip: m.Clip, findings: Findings) -> tuple[m.Ego, m.Quantity]:
     ego_usage = "ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }"
     for word, usage, item in (("ego", ego_usage, ego), ("window", "window 12.40 s..22.40 s", window)):
         if item is None:
-            findings.add(clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no {word}", "write " + write(usage))
+            findings.add(clip, "", "FS044", f"clip '{clip.name}' has no {word}", "write " + write(usage))
     length = _window_length(window, findings) if window is not None else None
     findings.raise_if_any()
     assert ego is not None and length is not None  # noqa: S101  (`raise_if_any` raised if one is missing)
@@ -169,10 +168,10 @@ def _first(clip: m.Clip, kind: type[_T]) -> _T | None:
 def _window_length(window: m.Window, findings: Findings) -> m.Quantity | None:
     start, end = window.start, window.end
     if not (isinstance(start, m.Quantity) and isinstance(end, m.Quantity)):
-        findings.add(window, "", c.EMPTY_WINDOW, "the window's times must be values: a clip has no parameters")
+        findings.add(window, "", "FS039", "the window's times must be values: a clip has no parameters")
     elif end.si <= start.si:
         message = f"the window ends ({value_text(end)}) before it begins ({value_text(start)})"
-        findings.add(window, "", c.EMPTY_WINDOW, message, "write the earlier time first")
+        findings.add(window, "", "FS039", message, "write the earlier time first")
     elif start.unit == end.unit:  # exact, in the author's unit
         return m.Quantity(value=end.value - start.value, unit=end.unit)
     else:

@@ -1,8 +1,9 @@
-"""Joins an extension with the scenario that it extends: applies its additions, changes and drops."""
+"""Joins an extension with the scenario that it extends: applies its additions, changes and drops, and recalculates the
+parameters whose defaults have changed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -14,11 +15,11 @@ from foresee_dsl.helps import HelpText, instead, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.changes import changed_body, weakened
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.traversal import walk
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 _SINGLE = ("ego", "network", "use_tracks", "weather", "end")
@@ -50,7 +51,8 @@ def softened(document: Document) -> Iterator[Diagnostic]:
         if old.name is not None and now is not None and weakened((old,), (now,)) is not None:
             message = f"'{old.name}' is easier to meet here than in '{document.written.parent}'"
             help = "leave the expectation as it is, make it stricter, or explain in a comment why it may be easier"
-            yield replace(document.diagnostic(now, "", c.WEAKENED, message, help), severity="warning")
+            # an error in a mutant, but here it may be intended
+            yield replace(document.diagnostic(now, "", "FS311", message, help), severity="warning")
 
 
 class _Joiner:
@@ -98,13 +100,12 @@ class _Joiner:
     def _settle_again(self) -> None:
         if not (self._document.calculates or self._parent.calculates):
             return
-        from foresee_dsl.language.project.stated import settled_again
 
         try:
-            self._body = settled_again(self._extension.name, self._body, self._moved_to)
+            self._body = _settled_again(self._extension.name, self._body, self._moved_to)
         except ExpressionError as error:
             item = error.item if not isinstance(error.item, m.Assignment) else self._extension
-            self._findings.add(item, "name", c.NO_RESULT, error.message, "write another value")
+            self._findings.add(item, "name", "FS063", error.message, "write another value")
             self._findings.raise_if_any()
 
     def _moved_to(self, was: m.Item, now: m.Item) -> None:
@@ -123,7 +124,7 @@ class _Joiner:
             span = self._parent.span(existing)
             place = f" (line {span.line} of '{self._parent.path}')" if span is not None else ""
             help = "write " + instead("change", "add") + f" to replace it{place}"
-            self._findings.add(line.item, _named_by(item), c.ALREADY_IN_PARENT, message, help)
+            self._findings.add(line.item, _named_by(item), "FS127", message, help)
             return
         self._body = (*self._body, item)
 
@@ -134,7 +135,7 @@ class _Joiner:
             help: HelpText = f"give it a name here and in the other scenario, `{word} some_name: ...`"
             if isinstance(item, m.Require):
                 help = "a " + write("require") + " can only be added; to loosen one, change it in the other scenario"
-            self._findings.add(line.item, "", c.NOT_IN_PARENT, message, help)
+            self._findings.add(line.item, "", "FS126", message, help)
             return
         existing = self._like(item)
         if existing is None:
@@ -143,7 +144,7 @@ class _Joiner:
             message = f"'{self._extension.parent}' has no {_called(item)}"
             hint = did_you_mean(name, names) if name else ""
             help = hint or "write " + instead("add", "change") + f": there is no {_word(item)} to change"
-            self._findings.add(line.item, _named_by(item), c.NOT_IN_PARENT, message, help)
+            self._findings.add(line.item, _named_by(item), "FS126", message, help)
             return
         self._body = tuple(item if old is existing else old for old in self._body)
 
@@ -155,17 +156,17 @@ class _Joiner:
             help: HelpText = "write the name behind it: " + write(
                 f"drop {line.what} {names[0] if names else 'some_name'}"
             )
-            self._findings.add(line, "", c.NOT_IN_PARENT, f"this does not name the {line.what} to drop", help)
+            self._findings.add(line, "", "FS126", f"this does not name the {line.what} to drop", help)
         elif line.name is not None and single:
             help = "write " + write(f"drop {line.what}")
-            self._findings.add(line, "name", c.NOT_IN_PARENT, f"`drop {line.what}` takes no name", help)
+            self._findings.add(line, "name", "FS126", f"`drop {line.what}` takes no name", help)
         elif not gone:
             other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, names) if line.name else ""
             if other is not None:
                 help = f"it is a {other.kind}: write " + write(f"drop {other.kind} {other.name}")
-            self._findings.add(line, "name" if line.name else "", c.NOT_IN_PARENT, message, help)
+            self._findings.add(line, "name" if line.name else "", "FS126", message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))
 
@@ -292,3 +293,47 @@ def _called(item: m.Item) -> str:
 def _named_by(item: m.Item) -> str:
     """Return the field with a statement's name, which a diagnostic underlines; "" for the whole statement."""
     return "name" if getattr(item, "name", None) and not isinstance(item, m.Ego) else ""
+
+
+_T = TypeVar("_T", bound=m.Item)
+_Moved = Callable[[m.Item, m.Item], None]
+"""A function that is called for every replaced item with (old item, new item)."""
+
+
+def _settled_again(name: str, body: Sequence[m.ScenarioItem], moved: _Moved) -> tuple[m.ScenarioItem, ...]:
+    """Return the statements of a scenario, with the values of its parameters recalculated; the same statements if none
+    are calculated.
+
+    Raises:
+        ExpressionError: a calculation has no result with these defaults.
+    """
+    from foresee_dsl.language.arithmetic.cases import case_values, references
+
+    params = (item for item in body if isinstance(item, m.Param))
+    if not any(isinstance(part, m.Calculated) and any(references(part)) for item in params for part in walk(item)):
+        return tuple(body)
+    whole = m.Scenario(name=name, body=tuple(body))
+    values = case_values(whole, m.Case(name="defaults", values=()))
+    return tuple(_settled(item, values, moved) if isinstance(item, m.Param) else item for item in body)
+
+
+def _settled(item: _T, values: Mapping[str, m.ParamValue], moved: _Moved) -> _T:
+    new: dict[str, object] = {}
+    if isinstance(item, m.Calculated):
+        from foresee_dsl.language.arithmetic.evaluate import evaluate
+
+        result = evaluate(item.expression, values)
+        new = {"value": result.value, "unit": result.unit}
+    else:
+        for field in type(item).model_fields:
+            value = getattr(item, field)
+            if isinstance(value, tuple):
+                new[field] = tuple(
+                    _settled(part, values, moved) if isinstance(part, m.Item) else part for part in value
+                )
+            elif isinstance(value, m.Item):
+                new[field] = _settled(value, values, moved)
+    settled = item.model_copy(update=new) if new else item
+    if settled is not item:
+        moved(item, settled)
+    return settled

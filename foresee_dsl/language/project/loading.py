@@ -13,7 +13,6 @@ from foresee_dsl.errors import Diagnostic, ForeseeError, InputError, MessageText
 from foresee_dsl.files import data_folder
 from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import file_pin, meaning_hash, pin_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project import addresses as a
@@ -23,7 +22,7 @@ from foresee_dsl.language.project.concretise import cases, concretise, settled_n
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
-from foresee_dsl.language.sampling.draws import with_drawn_cases
+from foresee_dsl.language.sampling import with_drawn_cases
 from foresee_dsl.limits import most, raised_by
 
 DEPTH_LIMIT = 32
@@ -168,7 +167,7 @@ class Project:
         model = self.definition(file)
         if isinstance(model, m.Catalogue):
             return entries(model)
-        raise mistake(c.WRONG_KIND, f"this holds {_a(model)}, not models", "", display_path(file))
+        raise mistake("FS132", f"this holds {_a(model)}, not models", "", display_path(file))
 
     def _addresses(self, paths: Iterable[str | Path]) -> Iterable[tuple[Path, str | None]]:
         for address in map(str, paths):
@@ -180,7 +179,7 @@ class Project:
             scenarios = [file for file in a.scenario_files([path]) if a.kind_of(file) in ("scenario", "")]
             if not scenarios:
                 message = f"there is no scenario in folder '{display_path(path)}'"
-                raise mistake(c.MISSING_FILE, message, "", display_path(path))
+                raise mistake("FS130", message, "", display_path(path))
             yield from ((file, None) for file in scenarios)
 
     def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
@@ -192,7 +191,7 @@ class Project:
         document = whole.document if drawn else self._undrawn.get(absolute(path), whole.document)
         if isinstance(document.model, m.Scenario):
             return document.model
-        raise mistake(c.WRONG_KIND, f"this holds {_a(whole.document.model)}, not a scenario", "", display_path(path))
+        raise mistake("FS132", f"this holds {_a(whole.document.model)}, not a scenario", "", display_path(path))
 
     def _case_names(self, file: Path) -> tuple[str | None, ...]:
         return cases(self._whole(self._named(file), ()).document) or (None,)
@@ -223,7 +222,7 @@ class Project:
             if self._drawn > most("cases"):
                 message = f"with these all files together have more than {most('cases'):,.0f} drawn cases"
                 help = f"name fewer files; {raised_by('cases')}"
-                raise InputError((document.diagnostic(item, "count", c.TOO_MANY_CASES, message, help),))
+                raise InputError((document.diagnostic(item, "count", "FS050", message, help),))
 
     def _joined(self, file: _File, chain: tuple[_File, ...]) -> Document:
         extension = file.document.model
@@ -236,7 +235,7 @@ class Project:
         self._check_parent(above, chain)
         parent = self._whole(self._read(above.path, above.display_path), chain)
         if not isinstance(parent.document.model, m.Scenario):
-            above.fail(c.WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
+            above.fail("FS132", f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
         # The cases of the extended scenario are drawn again, because parameters and requirements may differ here.
         base = self._undrawn[parent.path]
         joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
@@ -250,7 +249,7 @@ class Project:
     def _check_parent(self, use: _Use, chain: tuple[_File, ...]) -> None:
         _check_cycle(use, chain)
         if len(chain) > DEPTH_LIMIT:
-            use.fail(c.TOO_DEEP, f"more than {DEPTH_LIMIT} parents in a row, each the parent of the one before")
+            use.fail("FS134", f"more than {DEPTH_LIMIT} parents in a row, each the parent of the one before")
         self._check_reachable(use, chain)
 
     def _read(self, path: Path, shown_as: str) -> _File:
@@ -269,9 +268,9 @@ class Project:
         if not self._allow_outside and not a.is_inside(use.path, self._roots or (chain[0].path.parent,)):
             root = a.project_folder(absolute(Path()))
             message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
-            use.fail(c.OUTSIDE, message, "move the file there, or allow it with " + write("--allow-outside"))
+            use.fail("FS138", message, "move the file there, or allow it with " + write("--allow-outside"))
         if not self._is_file(use.path):
-            use.fail(c.MISSING_FILE, f"there is no file '{use.written}'", a.near_files(use.path))
+            use.fail("FS130", f"there is no file '{use.written}'", a.near_files(use.path))
 
     def _allow_near(self, path: Path) -> None:
         """Allow files in the project folder of a named path, and in that of the working folder."""
@@ -296,7 +295,7 @@ class Project:
         if isinstance(model, m.Scenario | m.Extension):
             return self._seed(self._whole(file, chain), case, use, chain)
         if case is not None:
-            _fail_case(file, use, c.UNKNOWN_CASE, f"a {model.kind} has no cases", "leave out the case")
+            _fail_case(file, use, "FS100", f"a {model.kind} has no cases", "leave out the case")
         if isinstance(model, m.Clip):
             parent = self._parent(_Use(file, model, "parent", model.parent), model.case, model.pin, chain)
             return expand_clip(model, parent, source=file.path, document=file.document)
@@ -304,15 +303,15 @@ class Project:
             above = _Use(file, model, "parent", model.parent)
             parent = self._parent(above, None, model.pin, chain)
             if parent.clip is None:
-                above.fail(c.WRONG_KIND, f"'{model.parent}' holds a scenario, but a mutant changes a clip")
+                above.fail("FS132", f"'{model.parent}' holds a scenario, but a mutant changes a clip")
             return expand_mutant(model, parent, source=file.path, document=file.document)
         message = f"this holds {_a(model)}"
         if use is not None:
             message = f"'{use.written}' cannot be a parent: {message}"
-            use.fail(c.WRONG_KIND, message, "name a scenario, clip or mutant")
+            use.fail("FS132", message, "name a scenario, clip or mutant")
         help = "name a scenario, clip or mutant"
         message += ", not a test case"
-        raise InputError((file.document.diagnostic(model, "", c.WRONG_KIND, message, help),))
+        raise InputError((file.document.diagnostic(model, "", "FS132", message, help),))
 
     def _seed(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
         scenario = file.document.model
@@ -322,14 +321,14 @@ class Project:
         if case is not None and case not in names:
             message = f"'{file.document.path}' has no case '{case}'"
             help = did_you_mean(case, names) or "it has no cases: leave out the case"
-            _fail_case(file, use, c.UNKNOWN_CASE, message, help)
+            _fail_case(file, use, "FS100", message, help)
         if case is None and names:
             message = f"'{file.document.path}' has {len(names)} cases, but this needs a single one"
             written = f"case {names[0]}" if use else f"{file.document.path}::{names[0]}"
             _fail_case(
                 file,
                 use,
-                c.WHICH_CASE,
+                "FS103",
                 message,
                 "write " + write(written) + ", for example; " + did_you_mean("", names),
             )
@@ -358,7 +357,7 @@ class Project:
                 f"the parent '{parent.id}' has the hash " + subject(now) + " now, but " + subject(pin) + " is pinned"
             )
             help = "the parent has changed: run `foresee repin` to see the effect on this file"
-            use.fail(c.STALE_PIN, message, help, field="pin")
+            use.fail("FS135", message, help, field="pin")
         return parent
 
     def _network(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> m.Network | Path:
@@ -368,16 +367,16 @@ class Project:
         if used is None:
             help = "write " + write('use network "file"') + ", or a block `network { ... }`"
             message = f"scenario '{scenario.name}' has no network"
-            raise InputError((file.document.diagnostic(file.document.model, "name", c.NO_NETWORK, message, help),))
+            raise InputError((file.document.diagnostic(file.document.model, "name", "FS036", message, help),))
         use = _Use(file, used, "path", used.path)
         if used.path.endswith(a.FOREIGN_NETWORKS):
             self._check_reachable(use, chain)
             if not os.access(use.path, os.R_OK):
-                use.fail(c.MISSING_FILE, f"'{used.path}' cannot be read", "check its permissions")
+                use.fail("FS130", f"'{used.path}' cannot be read", "check its permissions")
             return use.path
         model = self._used_model(use, chain)
         if not isinstance(model, m.Network):
-            use.fail(c.WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", _name_another(use, "network"))
+            use.fail("FS132", f"'{used.path}' holds {_a(model)}, not a network", _name_another(use, "network"))
         return model
 
     def _models(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> dict[str, m.VehicleModel]:
@@ -386,7 +385,7 @@ class Project:
             use = _Use(file, item, "path", item.path)
             model = self._used_model(use, chain)
             if not isinstance(model, m.Catalogue):
-                use.fail(c.WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", _name_another(use, "models"))
+                use.fail("FS132", f"'{item.path}' holds {_a(model)}, not models", _name_another(use, "models"))
             models |= entries(model)
         return models
 
@@ -397,17 +396,17 @@ class Project:
             return None
         use = _Use(file, used, "path", used.path)
         if not used.path.endswith(a.TRACKS):
-            use.fail(c.UNKNOWN_SUFFIX, f"'{used.path}' is a file of an unknown kind", f"name a file in {a.TRACKS}")
+            use.fail("FS137", f"'{used.path}' is a file of an unknown kind", f"name a file in {a.TRACKS}")
         self._check_reachable(use, chain)
         try:
             now = file_pin(use.path)
         except OSError as err:
-            use.fail(c.MISSING_FILE, f"'{used.path}' cannot be read: {err.strerror}", "name another file of tracks")
+            use.fail("FS130", f"'{used.path}' cannot be read: {err.strerror}", "name another file of tracks")
         if self._check_pin and used.pin not in (None, now):
             pinned = subject(str(used.pin))
             message = f"'{used.path}' has the hash " + subject(now) + " now, but " + pinned + " is pinned"
             help_ = "if the new tracks are meant, write " + write(now)
-            use.fail(c.STALE_TRACKS, message, help_, field="pin")
+            use.fail("FS136", message, help_, field="pin")
         return use.path
 
     def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> m.Item:
@@ -416,7 +415,7 @@ class Project:
             network = isinstance(use.item, m.UseNetwork)
             suffixes = ".foresee, .net.xml or .xodr" if network else ".foresee"
             help = f"name a file that ends in {suffixes}; " + _name_another(use, "network" if network else "models")
-            use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is a file of an unknown kind", help)
+            use.fail("FS137", f"'{use.written}' is a file of an unknown kind", help)
         self._check_reachable(use, chain)
         return _settled(self._read(use.path, use.display_path).document)
 
@@ -431,7 +430,7 @@ def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
         names = [file.document.path for file in chain]
         word = "network" if isinstance(use.item, m.UseNetwork) else "models"
         help = _name_another(use, word) if isinstance(use.item, m.UseNetwork | m.UseModels) else "name another file"
-        use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.display_path])}", help)
+        use.fail("FS133", f"'{names[0]}' uses itself: {' -> '.join([*names, use.display_path])}", help)
 
 
 def _name_another(use: _Use, word: str) -> Help:

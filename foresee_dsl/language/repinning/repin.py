@@ -13,7 +13,6 @@ from pathlib import Path
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import read_outside, write_whole
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.names import STALE_PIN, WRONG_KIND
 from foresee_dsl.language.diff.addresses import diff_cases
 from foresee_dsl.language.diff.parts import Difference
 from foresee_dsl.language.diff.rendering import render_groups
@@ -147,7 +146,7 @@ def _derived_files(paths: Iterable[str | Path]) -> dict[Path, Path]:
         elif file in named and not is_folder(file):
             message = f"this holds {f'a {kind}, which has no pin' if kind else 'no definition'}"
             help = "name clips and mutants, or a folder of them"
-            raise mistake(WRONG_KIND, message, help, display_path(file))
+            raise mistake("FS132", message, help, display_path(file))
     return derived_files
 
 
@@ -200,7 +199,7 @@ class _Planner:
         try:
             now = self._parent(address, before)
         except InputError as error:
-            stale = any(diagnostic.code == STALE_PIN for diagnostic in error.diagnostics)
+            stale = any(diagnostic.code == "FS135" for diagnostic in error.diagnostics)
             state = State.BLOCKED if stale else State.CONFLICT
             why = (_because(document, model, "is stale itself"),) if stale else error.diagnostics
             return replace(derived, state=state, mistakes=why)
@@ -271,7 +270,7 @@ def _siblings(path: Path) -> list[Path]:
 
 def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnostic:
     message = f"the parent '{model.parent}' {why}"
-    return document.diagnostic(model, "parent", STALE_PIN, message, "name it too, or correct it first")
+    return document.diagnostic(model, "parent", "FS135", message, "name it too, or correct it first")
 
 
 def describe(derived: DerivedFile, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:

@@ -11,7 +11,6 @@ from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.dimensions import Dimensions
 from foresee_dsl.language.arithmetic.evaluate import evaluate
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.node import Node, TextError
@@ -42,7 +41,7 @@ def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) ->
         if node.kind is m.Param and unit is not None and unsettled:
             value = Node(m.Quantity, node.span, {"value": Decimal(1), **({"unit": unit} if unit else {})})
             node.fields = {"name": node.fields.get("name"), "type": node.fields.get("type"), "default": value}
-    return [error for error in settler.errors if error.code != c.UNKNOWN_PARAMETER]
+    return [error for error in settler.errors if error.code != "FS031"]
 
 
 class _Settler:
@@ -93,7 +92,7 @@ class _Settler:
         if dimensions.of(expression) is None:
             for mismatch in dimensions.mismatches:
                 place = builder.spans.get((id(mismatch.item), ""), raw.span)
-                self.errors.append(TextError(c.MIXED_KINDS, mismatch.message, mismatch.help, place))
+                self.errors.append(TextError("FS062", mismatch.message, mismatch.help, place))
             return nothing
         values = self._defaults(expression, holder, asking)
         if values is None:
@@ -102,7 +101,7 @@ class _Settler:
             result = evaluate(expression, values)
         except ExpressionError as error:
             place = builder.spans.get((id(error.item), ""), raw.span)
-            self.errors.append(TextError(c.NO_RESULT, error.message, "write another value", place))
+            self.errors.append(TextError("FS063", error.message, "write another value", place))
             return nothing
         fields: dict[str, object] = {"value": result.value, "unit": result.unit, "expression": raw}
         return Node(m.Calculated, raw.span, fields, {"expression": raw.span})
@@ -115,7 +114,7 @@ class _Settler:
             if not self._whole:
                 help = "write a value: the parameters of the extended scenario cannot be used here"
             place = builder.spans.get((id(ref), ""), raw.span)
-            self.errors.append(TextError(c.UNKNOWN_PARAMETER, f"unknown parameter '{ref.name}'", help, place))
+            self.errors.append(TextError("FS031", f"unknown parameter '{ref.name}'", help, place))
         return not unknown
 
     def _defaults(self, expression: m.Item, holder: Node, asking: tuple[str, ...]) -> Mapping[str, m.ParamValue] | None:
@@ -127,7 +126,7 @@ class _Settler:
             if ref.name in chain[:-1]:
                 path = " -> ".join(chain[chain.index(ref.name) :])
                 message = f"'{ref.name}' depends on itself: {path}"
-                self.errors.append(TextError(c.NO_RESULT, message, "write a value", holder.span))
+                self.errors.append(TextError("FS063", message, "write a value", holder.span))
                 return None
             param = self._params[ref.name]
             self._settle((param, "default", None), (*asking, own) if own else asking)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.files import read_outside_text
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from foresee_dsl.errors import Diagnostic
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 
 
 def render_github(diagnostics: Iterable[Diagnostic], codes: Mapping[str, Code]) -> str:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.campaign.regression.expectations import Status, expected_in, in_words, judge, names_of
-from foresee_dsl.campaign.regression.layout import role_of
-from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
+from foresee_dsl.campaign.regression.suite import SuiteTest, role_of, suite_of
 from foresee_dsl.campaign.regression.verify import reached
 from foresee_dsl.drivers.consent import allow, refuse_programs
 from foresee_dsl.errors import InputError
@@ -17,8 +16,7 @@ from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_run
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import RunResult
+from foresee_dsl.simulate.results.verdict import RunRecord, RunResult
 from foresee_dsl.story import tell
 
 Sections = tuple[tuple[str, str], ...]

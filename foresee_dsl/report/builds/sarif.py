@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from foresee_dsl import __version__
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes import Code
 from foresee_dsl.language.messages.suggest import suggested_fix
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

@@ -2,6 +2,6 @@
 
 `ground` finds the areas and lines of a road network, `shapes` turns them and the bodies of actors into shapes with a
 paint of `palette`. A `sheet` holds one or several maps of such shapes with texts around them (`labels` places the names
-in a map). The back ends are `svg`, `png` (from the SVG), `data` (JSON for the canvas of a page) and `characters`
-(terminal).
+in a map). The back ends are `svg` (and PNG from the SVG), `shapes.as_data` (JSON for the canvas of a page) and
+`characters` (terminal).
 """

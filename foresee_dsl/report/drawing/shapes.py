@@ -1,10 +1,14 @@
-"""The shapes of a scene in metres, which all back ends draw: the ground of its roads and the bodies of its actors."""
+"""The shapes of a scene in metres, which all back ends draw: the ground of its roads and the bodies of its actors.
+
+As JSON they are for the canvas of a page, which draws them at any scale (`templates/report/scene.js`).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -138,3 +142,31 @@ def arrow(line: FloatArray, size: float) -> FloatArray:
     ahead = way / max(float(np.hypot(*way)), 1e-6)
     aside = np.array((-ahead[1], ahead[0]))
     return np.array([end, end - size * ahead + size * 0.42 * aside, end - size * ahead - size * 0.42 * aside])
+
+
+CM = 100.0
+"""Centimetres per metre: positions and distances are rounded to 1 cm."""
+LIMITS = {"line_m": LINE_M, "thinnest_px": THINNEST_PX, "thickest_px": THICKEST_PX, "least_dash_px": LEAST_DASH_PX}
+"""The limits of the lines on the ground (see `Shape.line_px`), which a page applies at its scale."""
+
+
+def as_data(shapes: Iterable[Shape]) -> list[dict[str, Any]]:
+    """Return shapes as plain data, with coordinates in cm as `line` returns them and widths as in `Shape`."""
+    return [
+        {
+            "paint": shape.paint,
+            "closed": shape.closed,
+            "width": shape.width,
+            "width_m": shape.width_m,
+            "dash": list(shape.dash),
+            "rings": [line(ring.tolist()) for ring in shape.rings],
+        }
+        for shape in shapes
+    ]
+
+
+def line(points: Iterable[Sequence[float]]) -> list[int]:
+    """Return a line as its first point and the differences after it: `[x, y, dx, dy, dx, dy, ...]`, cm."""
+    array = np.array([tuple(point)[:2] for point in points], dtype=np.float64).reshape(-1, 2)
+    whole = np.rint(array * CM).astype(np.int64)
+    return [int(v) for v in np.diff(whole, axis=0, prepend=np.zeros((1, 2), dtype=np.int64)).ravel()]

@@ -263,6 +263,7 @@ def _child(
         trace=source.folder / "traces" / f"{child.name}.npz",
         parent_trace=parent,
         operators=child.operators,
+        why_made=child.why,
     )
 
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.files import data_folder, templates, write_whole
-from foresee_dsl.report.drawing.data import LIMITS
 from foresee_dsl.report.drawing.ground import Layer
 from foresee_dsl.report.drawing.palette import custom_properties
+from foresee_dsl.report.drawing.shapes import LIMITS
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import family_title, options_of
-from foresee_dsl.report.page.heat_map import PAINTS as MAP_PAINTS
-from foresee_dsl.report.page.heat_map import heat_map_svg
+from foresee_dsl.report.page.pictures import PAINTS as MAP_PAINTS
+from foresee_dsl.report.page.pictures import heat_map_svg
 from foresee_dsl.report.page.playback import MEASURES
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe

@@ -25,11 +25,10 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.report.drawing.data import as_data
 from foresee_dsl.report.drawing.ground import ground_of
-from foresee_dsl.report.drawing.shapes import ground_shapes
+from foresee_dsl.report.drawing.shapes import as_data, ground_shapes
+from foresee_dsl.report.page.pictures import Thumbnail, thumbnail
 from foresee_dsl.report.page.playback import Marks, Parent, ego_way, playback
-from foresee_dsl.report.page.thumbnail import Thumbnail, thumbnail
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.steps import reason_texts, recorded_steps
 from foresee_dsl.report.strip import strip_svg
@@ -61,6 +60,7 @@ class FailingRun:
         parent_trace: the trace's file of the test case from which a mutant was derived.
         beside: traces of reference drivers in the same situation, by driver.
         minimised: for a minimised mutant, how it was minimised. unreduced: the file of the mutant before that.
+        why_made: why the mutant was made, in a sentence; "" if its file does not say.
     """
 
     name: str
@@ -74,6 +74,7 @@ class FailingRun:
     beside: tuple[tuple[str, Path], ...] = ()
     minimised: WrittenMinimised | None = None
     unreduced: Path | None = None
+    why_made: str = ""
 
     @property
     def verdict(self) -> str:

@@ -72,6 +72,7 @@ def write_view(
         driver=driver,
         seed=seed,
         trace=None,
+        why_made=(origin.why or "") if origin is not None else "",
     )
     reader = Reader(reasons=not address.endswith(".npz"))  # viewing a trace starts no driver
     parent = None

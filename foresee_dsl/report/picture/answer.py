@@ -8,7 +8,6 @@ from typing import Any
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 from foresee_dsl.files import data_folder, rendered, templates
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.svg import style_of, svg_of
@@ -41,7 +40,7 @@ def answer(
         try:
             drawing = draw(address, overlay, width=width, whole=whole, live=True, allow_outside=allow_outside)
         except InputError as error:
-            if case and all(d.code in (c.UNKNOWN_CASE, c.BAD_ADDRESS) for d in error.diagnostics):
+            if case and all(d.code in ("FS100", "FS131") for d in error.diagnostics):
                 case = ""
                 continue
             return {"svg": None, "mistakes": [_diagnostic(d) for d in error.diagnostics if d.severity == "error"]}

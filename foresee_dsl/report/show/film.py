@@ -11,8 +11,8 @@ import numpy as np
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.kernels.boxes import IntArray
 from foresee_dsl.report.drawing import svg
-from foresee_dsl.report.drawing.png import MISSING, png_of_svg
 from foresee_dsl.report.drawing.sheet import PAD, DrawnPart, Sheet, Words
+from foresee_dsl.report.drawing.svg import MISSING, png_of_svg
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.moments import Snapshot

@@ -21,7 +21,7 @@ from foresee_dsl.report.show.panels import Strip, Up
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.timeline import timeline
 from foresee_dsl.report.strip import make_strip
-from foresee_dsl.report.unfired import unfired_lines
+from foresee_dsl.report.verdicts import unfired_lines
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 

@@ -18,7 +18,7 @@ from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.addresses import is_file, parse_address
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.unfired import UnfiredTrigger
+from foresee_dsl.simulate.results.verdict import UnfiredTrigger
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.simulate.triggers.unfired import unfired
 

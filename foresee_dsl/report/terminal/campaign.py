@@ -260,13 +260,6 @@ def _allocated(result: CampaignResult) -> str:
     )
 
 
-def file_of(finding: Finding, out: Path) -> Path | str:
-    """Return the file of a finding's run; if it is the run of a test case, its address."""
-    if isinstance(finding.representative, CaseRunOutcome):
-        return finding.file
-    return out / finding.run_file
-
-
 def _others_lines(result: CampaignResult, findings: Sequence[Finding], out: Path) -> Iterator[Text]:
     """Yield failures without a story, which occur only in results of older versions."""
     listed = {name for finding in findings for name in (finding.name, *finding.siblings)}

@@ -1,13 +1,18 @@
-"""The review of a finding as text of 80 columns, with the boundary of its failure as a scale."""
+"""One failure as text of at most 80 columns: its review, with its boundary as a scale; how sure it is; and which part
+of the driver causes it."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from foresee_dsl.avoidance.causes import Diagnosis, IdealRun
 from foresee_dsl.avoidance.judge import ANTICIPATING, R157
+from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.campaign.findings.review import Mutation, Review
+from foresee_dsl.campaign.findings.sureness import HeatMap, Sureness
 from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80
@@ -28,10 +33,10 @@ _MARGINS = {
 
 def review_text(review: Review) -> str:
     """Return a review as text for people."""
-    return "\n".join(_lines(review)) + "\n"
+    return "\n".join(_review_lines(review)) + "\n"
 
 
-def _lines(review: Review) -> Iterator[str]:
+def _review_lines(review: Review) -> Iterator[str]:
     finding, small = review.finding, review.minimised
     answer = finding.get("preventability")
     yield from wrapped(f"{finding['number']}. {finding['title']}")
@@ -171,3 +176,104 @@ def wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
         whole, WIDTH, initial_indent=indent, subsequent_indent=indent + more, break_long_words=False,
         break_on_hyphens=False,
     ) or [indent]  # fmt: skip
+
+
+_FAILS_MARKS = {True: "#", False: ".", None: " "}
+"""Characters of the map: a run that fails, one that passes, and values that are not possible."""
+
+
+def sureness_text(sure: Sureness) -> str:
+    """Return how sure a failure is as text."""
+    return "\n".join(_sureness_lines(sure)) + "\n"
+
+
+def _sureness_lines(sure: Sureness) -> Iterator[str]:
+    number = f"{sure.number}. " if sure.number else ""
+    yield from wrapped(f"{number}{sure.name} with {sure.driver}: {sure.failed} of {sure.seeds} sensor seeds fail")
+    if sure.note:
+        yield from wrapped(sure.note, "  ")
+    if sure.edges:
+        yield from ("", "Boundary")
+        for edge in sure.edges:
+            yield from wrapped(edge.text, "  ", more="  ")
+    if sure.map is not None:
+        yield from ("", *_map_lines(sure.map))
+    region = sure.region
+    if region is not None:
+        yield from ("", f"Failing region: {region.failed} of {region.drawn} cases drawn inside it fail")
+        yield from (f"  {line}" for line in (*region.parameters, region.require))
+        yield from map(str, region.files)
+
+
+def _map_lines(heat_map: HeatMap) -> Iterator[str]:
+    """Yield the map as characters, with the values at its sides."""
+    yield f"{heat_map.across} across, {heat_map.down} down (# fails, . passes)"
+    left = max(map(len, heat_map.rows))
+    for name, row in zip(heat_map.rows, heat_map.fails, strict=True):
+        yield f"  {name:>{left}}  " + " ".join(_FAILS_MARKS[fails] * 2 for fails in row)
+    first, last = heat_map.columns[0], heat_map.columns[-1]
+    room = 3 * len(heat_map.columns) - 1 - len(first)
+    yield f"  {'':>{left}}  {first}{last:>{max(room, len(last) + 1)}}"
+
+
+_NONE = "no part (planning, or a situation that comes too late)"
+_ELSEWHERE = (
+    "Passes elsewhere: the ego no longer comes into the situation in which it failed. That may be because of the part, "
+    "or luck."
+)
+_PARTS = 22
+"""Width of the column with the parts' names, columns."""
+
+
+def diagnosis_text(result: DiagnosedFailure, *, short: bool = False) -> str:
+    """Return a diagnosis as text; `short`: without the table of runs."""
+    return "\n".join(_diagnosis_lines(result, short=short)) + "\n"
+
+
+def _diagnosis_lines(result: DiagnosedFailure, *, short: bool) -> Iterator[str]:
+    number = f"{result.number}. " if result.number else ""
+    diagnosis = result.diagnosis
+    if diagnosis is None:
+        yield from wrapped(f"{number}{result.name}: not diagnosed, {result.note}", more="  ")
+        return
+    if short:
+        yield from wrapped(f"{number}{result.name}: {diagnosis.text}", more="  ")
+        return
+    yield from wrapped(f"{number}{result.name} with {diagnosis.driver}: {diagnosis.reason}")
+    yield ""
+    yield from wrapped(f"Cause: {diagnosis.text}")
+    yield ""
+    yield f"  {'ideal part':<{_PARTS}}the failure"
+    for run in diagnosis.runs:
+        yield from _row(run)
+    if any(run.elsewhere for run in diagnosis.runs):
+        yield ""
+        yield from wrapped(_ELSEWHERE)
+
+
+def _row(run: IdealRun) -> Iterator[str]:
+    words = " + ".join(run.parts)
+    first = f"  {words:<{_PARTS}}" if len(words) < _PARTS else f"  {words} "
+    lines = wrapped(run.outcome, " " * (_PARTS + 2))
+    if len(words) < _PARTS:
+        yield first + lines[0].strip()
+        yield from lines[1:]
+    else:
+        yield first.rstrip()
+        yield from lines
+
+
+def _cause(diagnosis: Diagnosis) -> str:
+    return f"{'' if diagnosis.sure else 'probably '}{' + '.join(diagnosis.cause) or _NONE}"
+
+
+def counts_text(results: Sequence[DiagnosedFailure]) -> str:
+    """Return the number of findings by the part that causes them."""
+    causes = Counter(_cause(r.diagnosis) for r in results if r.diagnosis is not None)
+    lines = [
+        "",
+        f"Causes of {len(results)} findings",
+        *(f"  {count:>3}  {part}" for part, count in causes.most_common()),
+    ]
+    left = sum(result.diagnosis is None for result in results)
+    return "\n".join([*lines, *([f"  {left:>3}  not diagnosed"] if left else [])]) + "\n"

@@ -11,8 +11,15 @@ from rich.text import Text
 from foresee_dsl.campaign.execution.runs import CaseRun
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.tables import plain_table, print_run_details
-from foresee_dsl.report.unfired import unfired_lines
-from foresee_dsl.report.verdicts import WHOLE, changed_lines, counted, ending, verdicts_line, without_verdict
+from foresee_dsl.report.verdicts import (
+    WHOLE,
+    changed_lines,
+    counted,
+    ending,
+    unfired_lines,
+    verdicts_line,
+    without_verdict,
+)
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 _LINES = 30

@@ -11,8 +11,7 @@ from rich.text import Text
 
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.unfired import unfired_lines
-from foresee_dsl.report.verdicts import rule_lines
+from foresee_dsl.report.verdicts import rule_lines, unfired_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, RunResult
 

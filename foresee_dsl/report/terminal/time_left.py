@@ -7,9 +7,9 @@ from collections import Counter, defaultdict
 from collections.abc import Callable
 
 from foresee_dsl.campaign.allocation.rounds import Round
-from foresee_dsl.campaign.node import AnyStep
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import FAILED, STEPS
+from foresee_dsl.campaign.steps.step import AnyStep
 from foresee_dsl.campaign.storage.store import Row
 
 _STEPS = {step.kind: step for step in STEPS}

@@ -14,13 +14,18 @@ from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
-from foresee_dsl.simulate.actors.insertion import Insertion
-from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor, StaticActor, SteeredVehicle, with_timing
+from foresee_dsl.simulate.actors.insertion import Insertion, ShownActors
+from foresee_dsl.simulate.actors.moved_actors import (
+    EgoVehicle,
+    OpenDoor,
+    PathActor,
+    StaticActor,
+    SteeredVehicle,
+    with_timing,
+)
 from foresee_dsl.simulate.actors.path_groups import PathGroup
 from foresee_dsl.simulate.actors.roads import RoadLimits, SlipperyGround
-from foresee_dsl.simulate.actors.shown_actors import ShownActors
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.actors.track_followers import TrackActor, TrackGroup

@@ -1,4 +1,5 @@
-"""The result of a run: its verdict, its contact and its expectations."""
+"""The result of a run (verdict, contact, expectations, triggers that never fired), and the part of it that all records
+of runs share: those of test cases, clips and mutants."""
 
 from __future__ import annotations
 
@@ -9,14 +10,80 @@ from enum import StrEnum
 from functools import cached_property
 from typing import Any, Literal, Self
 
-from foresee_dsl.documents import read_fields, rounded
+from foresee_dsl.documents import every_field, read_fields, rounded
 from foresee_dsl.drivers.following import Deviation
 from foresee_dsl.notebooks import Displayed
 from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
-from foresee_dsl.simulate.results.unfired import UnfiredTrigger
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import Trace
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """How near one part of a condition came to holding in a run in which the whole condition never held.
+
+    Attributes:
+        text: the part, as written. time_s: the time when it was nearest; None if it could never be evaluated.
+        value: the value measured then, in `unit`; None for a fact without a number.
+        short: the difference to the bound, in `unit`; None for a fact without a number.
+        held_s: for a `for`, the longest time for which its condition held, s; None for other parts, or if the condition
+            never held.
+        held: whether the part held at some time, but not together with the other parts.
+        note: for a fact with a distance, the reason why it did not hold, in a few words.
+    """
+
+    text: str
+    time_s: float | None = None
+    value: float | None = None
+    short: float | None = None
+    unit: str = ""
+    held_s: float | None = None
+    held: bool = False
+    note: str = ""
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {**every_field(self), "words": self.words}
+
+    @property
+    def words(self) -> str:
+        """The nearest approach in words, such as `nearest 7.3 s at 12.4 s`."""
+        if self.time_s is None:
+            return "it could not be evaluated at any time"
+        at = f" at {self.time_s:.2f} s"
+        if self.held_s is not None:
+            return f"held for {self.held_s:.2f} s{at}"
+        if self.value is not None:
+            return f"nearest {self.value:.4g} {self.unit}".rstrip() + at + (f", {self.note}" if self.note else "")
+        if self.short is not None:
+            return f"{self.short:.4g} {self.unit} short{at}"
+        return "it never held"
+
+
+@dataclass(frozen=True)
+class UnfiredTrigger:
+    """A trigger, or a step of one, that never began in a run, although it waited for its condition.
+
+    Attributes:
+        text: its condition, as written.
+        name: label of the trigger, or "".
+        index: the trigger's number in the file.
+        where: place of a step in the trigger; () for the trigger itself.
+        since_s: time from which it waited, s.
+        nearest: the nearest approach of each part that never held; if every part held at some time, that of each part
+            that did not hold at the moment at which most parts held.
+        together: whether every part held at some time, but never all at once.
+    """
+
+    text: str
+    name: str
+    index: int
+    where: tuple[int, ...]
+    since_s: float
+    nearest: tuple[Nearest, ...]
+    together: bool = False
+
 
 Side = Literal["front", "left", "right", "rear"]
 Striker = Literal["ego", "other", "both", "neither"]
@@ -254,3 +321,57 @@ class RunResult(Displayed):
     def near_misses(self) -> NearMisses:
         """Return how near the run came to a failure; computed at the first call and then kept."""
         return near_misses(self.trace)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """How one run ended, without its trace. A subclass adds what was run, and what else was measured.
+
+    Attributes:
+        verdict, reason, with_, time_s, duration_s, impact, notes: see `RunResult`. with_, time_s: "" and 0 where they
+            are not recorded.
+        near: how near the run came to a failure; None if it was not computed.
+        digest: digest of the trace, equal for equal runs; "" if the process died or was ended.
+        broken_expectations: the broken expectations, one sentence each.
+        infractions: the traffic rules that the ego broke, in the order of time.
+    """
+
+    verdict: Verdict
+    reason: str = ""
+    with_: str = ""
+    time_s: float = 0.0
+    duration_s: float = 0.0
+    digest: str = ""
+    impact: Impact | None = None
+    near: NearMisses | None = None
+    notes: DriverNotes = NO_NOTES
+    broken_expectations: tuple[str, ...] = ()
+    infractions: tuple[Infraction, ...] = ()
+
+    @classmethod
+    def of(cls, result: RunResult, /, **more: Any) -> Self:  # noqa: ANN401 - fields of any type
+        """Return the record of a result. `more`: the fields that the subclass adds, `near` and `digest`, which take
+        time to compute, and fields that replace those of the result.
+        """
+        shared = {
+            "verdict": result.verdict,
+            "reason": result.reason,
+            "with_": result.with_,
+            "time_s": result.time_s,
+            "duration_s": result.duration_s,
+            "impact": result.impact,
+            "notes": result.notes,
+            "broken_expectations": result.broken_expectations,
+            "infractions": result.infractions,
+        }
+        return cls(**{**shared, **more})
+
+    @property
+    def passed(self) -> bool:
+        """Return whether the run passed and all expectations hold."""
+        return passes(self.verdict, self.broken_expectations)
+
+    @property
+    def hangs(self) -> bool:
+        """Return whether the driver exceeded a limit of wall time."""
+        return self.notes.hang is not None

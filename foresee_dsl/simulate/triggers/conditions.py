@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -31,8 +31,6 @@ from foresee_dsl.simulate.results.metrics import outlines_of
 from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.rules.watch import RuleWatch
 from foresee_dsl.simulate.triggers.ways import Ways
-
-_Between = Literal["eta", "distance", "ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed"]
 
 
 class Eyes(Protocol):

@@ -20,9 +20,8 @@ from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import fields_of, si_of, word_of
-from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
-from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.moved_actors import OpenDoor, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.orders.lateral import Beside, LateralShift, SidewaysOrder

@@ -27,9 +27,9 @@ from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.results.unfired import Nearest, UnfiredTrigger
+from foresee_dsl.simulate.results.verdict import Nearest, UnfiredTrigger
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
-from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
+from foresee_dsl.simulate.sensing.sight import LinesOfSight
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace, X
 from foresee_dsl.simulate.triggers.condition_history import Watch

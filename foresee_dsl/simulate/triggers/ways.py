@@ -12,7 +12,7 @@ import math
 from functools import lru_cache
 from itertools import pairwise
 
-from foresee_dsl.compile.placement.standing import Pose, Standing
+from foresee_dsl.compile.placement.spots import Pose, Standing
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.polyline import Points, Polyline, distance_to
 from foresee_dsl.compile.roads.route_line import RouteLine

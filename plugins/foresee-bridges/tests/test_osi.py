@@ -22,7 +22,7 @@ from osi_utilities import MultiTraceReader, parse_osi_trace_filename
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import load_driver
-from foresee_dsl.exchange.lanes import shifted
+from foresee_dsl.exchange.network_parts import shifted
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.episode import Episode

@@ -19,7 +19,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.project.addresses import scenario_files
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project, load_test_cases
-from foresee_dsl.language.sampling.draws import draw, values_of
+from foresee_dsl.language.sampling import draw, values_of
 from training.driving import Disturbance
 from training.towns import drive, net_of, town_names
 

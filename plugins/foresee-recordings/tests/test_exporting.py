@@ -23,8 +23,8 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import InputError
+from foresee_dsl.exchange.network_parts import heads_of
 from foresee_dsl.exchange.outcome import Imported
-from foresee_dsl.exchange.signal_heads import heads_of
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.plugins import BESIDE, package_of

@@ -9,6 +9,8 @@ from dataclasses import replace
 from foresee_dsl.derive.presets import PAPER, PAPER_BRIEF, PAPER_LATE
 from foresee_study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child_of_paper, children_colliding
 from foresee_study.results import TOGETHER, Results
+from foresee_study.settings import CHOSEN_S
+from foresee_study.tables.effectiveness import where_collisions_lie
 from foresee_study.tables.table import Column, Row, RowKind, Table, Value
 
 NEAR = 1.25
@@ -36,9 +38,15 @@ def beside(results: Results, question: str) -> Table:
     others = (
         "Any other driver is compared with the paper's two together, or with InterFuser if there is no such figure."
     )
-    notes = (f"Here {' and '.join(names)}. {others}" if names else others,)
+    notes = [f"Here {' and '.join(names)}. {others}" if names else others]
+    if question == "rq4":
+        notes += [
+            f"DriveFuzz's budget with {driver} is not the paper's, but {budget}."
+            for driver in results.drivers
+            if (budget := _other_budget(results, driver))
+        ]
     return Table(f"{question}_paper", f"{question.upper()}: the paper's figures and ours", tuple(columns), tuple(rows),
-                 "figure", notes)  # fmt: skip
+                 "figure", tuple(notes))  # fmt: skip
 
 
 def readings(results: Results) -> Table:
@@ -116,9 +124,27 @@ def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[s
         return
     who = "all drivers together" if driver == TOGETHER else f"`{driver}`"
     unit = {Unit.SHARE: " %", Unit.MORE: " %", Unit.TIMES: " times"}.get(figure.unit, "")
-    text = f"{figure.what[0].upper()}{figure.what[1:]}, {who}: {_short(ours.value)}{unit}, " \
-           f"the paper's {name} {_short(paper)}{unit}"  # fmt: skip
-    yield f"{text}. {_judged(ours, paper, figure.unit)}{_why(results, figure, driver)}"
+    ends = _ends(ours)
+    between = f" ({ends})" if ends is not None else ""
+    what = f"{figure.what[0].upper()}{figure.what[1:]}, {who}"
+    beside_paper = f"the paper's {name} {_short(paper)}{unit}"
+    if figure.question == "rq4" and (budget := _other_budget(results, driver)):
+        yield f"{what}, with another budget than the paper's ({budget}): {_short(ours.value)}{unit}{between}. " \
+              f"With about one mutated run a test case and iteration, {beside_paper}."  # fmt: skip
+        return
+    judged = f"{_judged(ours, paper, figure.unit)}{_why(results, figure, driver)}{_elsewhere(results, figure, driver)}"
+    yield f"{what}: {_short(ours.value)}{unit}{between}, {beside_paper}. {judged}"
+
+
+def _other_budget(results: Results, driver: str) -> str:
+    """Return the budget with which DriveFuzz ran with a driver; "" for the paper's, one mutated run a test case and
+    iteration.
+    """
+    own = {(f.cycles, f.mutations) for f in results.fuzzings if driver in (f.driver, TOGETHER)} - {(1, 1)}
+    return ", ".join(
+        f"{cycles} cycle{'s' * (cycles > 1)} of {mutations} mutation{'s' * (mutations > 1)}"
+        for cycles, mutations in sorted(own)
+    )
 
 
 def _judged(ours: Ours, paper: float, unit: Unit) -> str:
@@ -166,3 +192,22 @@ def _why(results: Results, figure: PaperFigure, driver: str) -> str:
     if abs(by_theirs) > 2 * abs(by_own):
         return f"{rates}: the difference to the paper is mostly the rate of {other}."
     return f"{rates}: both rates differ from the paper's."
+
+
+def _elsewhere(results: Results, figure: PaperFigure, driver: str) -> str:
+    """Return a sentence about where the exhaustive search's collisions lie, for foresee's share of them; "" for other
+    figures.
+    """
+    if figure.question != "rq1" or figure.unit is not Unit.SHARE or driver == TOGETHER:
+        return ""
+    clip_s = 6.0 if "6 s" in figure.what else CHOSEN_S
+    places = where_collisions_lie(results, driver, clip_s)
+    if places is None:
+        return ""
+    every = sum(place.collisions for place in places)
+    same, later, earlier, _ = (f"{100 * place.collisions / every:.0f} %" for place in places)
+    apart = f"{clip_s / 2:g} s"
+    return (
+        f" Of the search's collisions {same} lie at a second that foresee studies, {later} up to {apart} later and "
+        f"{earlier} up to {apart} earlier: near the same encounters, but with another beginning of the mutation."
+    )

@@ -4,7 +4,7 @@ order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import sha256
@@ -13,11 +13,10 @@ import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_study.measured import Child, MeasuredCampaign, MeasuredClip
-from foresee_study.statistics.bootstrap import Interval, percentiles
+from foresee_study.statistics.bootstrap import Interval, drawn_repetitions, percentiles, resamples
 
 RESAMPLES = 1000
-"""Number of resamples of the test cases. Ours: each of them takes 0.1 ms."""
-SEED = 20_26
+"""Number of resamples. Ours: each of them takes 0.1 ms."""
 
 
 class Clock(StrEnum):
@@ -88,10 +87,12 @@ class _Parts:
         return area
 
 
-def _parts(measured: MeasuredCampaign, clock: Clock) -> _Parts:
-    ordered = sorted(measured.usable, key=lambda case: sha256(case.name.encode()).digest())
+def _parts(measured: MeasuredCampaign, clock: Clock, names: Sequence[str]) -> _Parts:
+    """Return the parts of a campaign; `names`: all test cases, whose places in it are their numbers."""
+    numbers = {name: number for number, name in enumerate(names)}
     rows = []
-    for number, case in enumerate(ordered):
+    for case in measured.usable:
+        number = numbers[case.name]
         for clip in case.clips:
             ends = np.cumsum([clock.of(clip), *map(clock.of, clip.children)])
             collided = np.array([child.verdict.is_collision for child in clip.children], dtype=bool)
@@ -107,13 +108,19 @@ def _parts(measured: MeasuredCampaign, clock: Clock) -> _Parts:
     )
 
 
+def _in_order(campaigns: Iterable[MeasuredCampaign]) -> list[str]:
+    """Return the names of all usable test cases, by their hashes."""
+    names = {case.name for measured in campaigns for case in measured.usable}
+    return sorted(names, key=lambda name: sha256(name.encode()).digest())
+
+
 def curve(measured: MeasuredCampaign, clock: Clock = Clock.SIMULATED) -> Curve:
     """Return the curve of a campaign: clips of first rank with their children, then those of second rank, and so on.
 
     As in the paper, time begins after the runs of the test cases themselves, which all rankers have in common. Within a
     rank the test cases are in the order of their names' hashes, so that no family is always last.
     """
-    parts = _parts(measured, clock)
+    parts = _parts(measured, clock, _in_order([measured]))
     starts = np.concatenate([[0.0], np.cumsum(parts.took_s)])
     times = [part_s + start for part_s, start in zip(parts.found_s, starts, strict=False)]
     return Curve(np.concatenate(times) if times else np.zeros(0), float(starts[-1]))
@@ -146,31 +153,37 @@ def compared_areas(
 
     Up to the earlier end both had equal time; up to the later end the curve that ended first is constant.
     """
-    sides = [(_parts(a, clock), _parts(b, clock)) for a, b in zip(first, second, strict=False)]
-    count = max((int(parts.case.max(initial=-1)) + 1 for pair in sides for parts in pair), default=0)
-    rng = np.random.default_rng(SEED)
-    drawn_times = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES) if count else np.zeros((0, 0))
-    times: FloatArray = drawn_times.astype(float)
+    names = _in_order((*first, *second))
+    sides = [(_parts(a, clock, names), _parts(b, clock, names)) for a, b in zip(first, second, strict=False)]
+    owners = [(measured.driver, measured.repetition) for measured in first[: len(sides)]]
+    drawn_cases, drawn_sides = resamples(len(names), RESAMPLES), drawn_repetitions(owners, RESAMPLES)
     both = []
     for end in (min, max):
-        own, theirs, ends = _areas(sides, np.ones(count), end)
-        drawn = [_areas(sides, weights, end)[:2] for weights in times]
-        ratios = np.array([a / b if b else np.nan for a, b in drawn])
-        both.append(Areas(own, theirs, ends / max(len(sides), 1), percentiles(ratios)))
+        own, theirs, ends = _areas(sides, np.ones(len(names)), np.ones(len(sides)), end)
+        ratios = []
+        for k in range(RESAMPLES if names else 0):
+            a, b, _ = _areas(sides, drawn_cases[k], [drawn_sides[owner][k] for owner in owners], end)
+            ratios.append(a / b if b else np.nan)
+        both.append(Areas(own, theirs, ends / max(len(sides), 1), percentiles(np.array(ratios))))
     return both[0], both[1]
 
 
 def _areas(
-    sides: Sequence[tuple[_Parts, _Parts]], weights: FloatArray, end: Callable[[float, float], float]
+    sides: Sequence[tuple[_Parts, _Parts]],
+    weights: FloatArray,
+    counts: Sequence[float] | FloatArray,
+    end: Callable[[float, float], float],
 ) -> tuple[float, float, float]:
     """Return the area under the curve of each side and the common end of the curves, each summed over the repetitions,
-    with test cases weighted by `weights`.
+    with test cases weighted by `weights`, and each repetition counted `counts` times.
     """
     sums = [0.0, 0.0, 0.0]
-    for pair in sides:
+    for pair, count in zip(sides, counts, strict=True):
+        if not count:
+            continue
         times = [weights[parts.case] for parts in pair]
         end_s = end(*(parts.end_s(k) for parts, k in zip(pair, times, strict=True)))
         for k in (0, 1):
-            sums[k] += pair[k].area(times[k], end_s)
-        sums[2] += end_s
+            sums[k] += count * pair[k].area(times[k], end_s)
+        sums[2] += count * end_s
     return sums[0], sums[1], sums[2]

@@ -19,7 +19,7 @@ from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import CLIPS_S, POINTS
 from foresee_study.results import Results
 from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
-from foresee_study.statistics.bootstrap import resamples
+from foresee_study.statistics.bootstrap import resampled_sums
 from foresee_study.tables.rankers import shown_rankers
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _panels(rows: int, columns: int, *, width: float = 3.2, height: float = 2.4)
 
 
 def _boxes(results: Results) -> Figure | None:
-    """Draw the collisions of a repetition by ranker: resampled test cases as boxes, the repetitions as points."""
+    """Draw the collisions of a repetition by ranker: boxes are resamples, points are repetitions."""
     ways = [(clip_s, n) for clip_s in CLIPS_S for n in POINTS]
     drivers = [d for d in results.drivers if any(results.of_campaign(d, r) for r in shown_rankers(results))]
     if not drivers:
@@ -109,9 +109,11 @@ def _boxes(results: Results) -> Figure | None:
 
 def _box(axes: Axes, at: float, width: float, campaigns: Sequence[MeasuredCampaign], colour: str) -> None:
     names = sorted({case.name for m in campaigns for case in m.usable})
-    counts = [{case.name: case.count(Counted.COLLISIONS) for case in m.usable} for m in campaigns]
-    means = np.array([np.mean([by_case.get(name, 0) for by_case in counts]) for name in names])
-    drawn = resamples(len(names)) @ means
+    counts = {
+        (m.driver, m.repetition): {case.name: float(case.count(Counted.COLLISIONS)) for case in m.usable}
+        for m in campaigns
+    }
+    drawn = resampled_sums(counts, names) / len(campaigns)
     low, first, middle, third, high = np.percentile(drawn, [2.5, 25, 50, 75, 97.5])
     stats = [{"med": middle, "q1": first, "q3": third, "whislo": low, "whishi": high, "fliers": []}]
     style = {"color": colour}
@@ -182,7 +184,7 @@ FIGURES: MappingProxyType[str, Callable[[Results], Figure | None]] = MappingProx
 """The figures by name; the name of a figure begins with the name of its question."""
 CAPTIONS = MappingProxyType({
     "rq2_boxes": "Collisions by ranker, length of the clips and number of risky points. Points: repetitions. Boxes: "
-                 "resampled test cases, whiskers at 2.5 and 97.5 %.",
+                 "resamples of test cases and repetitions, whiskers at 2.5 and 97.5 %.",
     "rq2_heat": "Collisions, findings and avoidable findings per clip of foresee, by family and driver.",
     "rq3_curves": "Cumulative collisions over the time of clips and children, means of the repetitions.",
 })  # fmt: skip

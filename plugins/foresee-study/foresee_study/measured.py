@@ -95,6 +95,11 @@ class MeasuredCase:
         return (child for clip in self.clips for child in clip.children)
 
     @property
+    def derived_s(self) -> float:
+        """Return the simulated time of its clips and mutants, s."""
+        return sum(clip.simulated_s for clip in self.clips) + sum(child.simulated_s for child in self.children)
+
+    @property
     def fails(self) -> bool:
         """Return whether one of the mutants fails: it collides or gets stuck."""
         return any(child.verdict.is_failure for child in self.children)

@@ -6,18 +6,28 @@ The paper's two drivers have stand-ins here: `fusion_safe` for InterFuser, `fusi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
+
+import numpy as np
 
 from foresee_study.curves import compared_areas
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase
 from foresee_study.questions import HEAVY_WEATHER
 from foresee_study.results import TOGETHER, Results
 from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
-from foresee_study.statistics.bootstrap import Interval, ratio_interval
-from foresee_study.tables.complementarity import iterations
+from foresee_study.statistics.bootstrap import (
+    Counts,
+    Interval,
+    Repetition,
+    percentiles,
+    ratio_interval,
+    resampled_ratios,
+)
+from foresee_study.tables.complementarity import Iteration, iterations
 
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
     {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
@@ -46,7 +56,7 @@ class Unit(StrEnum):
 
 @dataclass(frozen=True)
 class Ours:
-    """Our value of a figure, and its bootstrap interval over test cases, if it has one."""
+    """Our value of a figure, and its bootstrap interval over test cases and repetitions, if it has one."""
 
     value: float
     interval: Interval | None = None
@@ -98,22 +108,27 @@ def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tup
     return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)
 
 
-def _by_case(campaigns: Iterable[MeasuredCampaign], value: Callable[[MeasuredCase], float]) -> dict[str, float]:
-    """Return a value of each test case, summed over campaigns."""
-    sums: dict[str, float] = {}
-    for case in (case for measured in campaigns for case in measured.usable):
-        sums[case.name] = sums.get(case.name, 0.0) + value(case)
-    return sums
+def _counts(
+    campaigns: Iterable[MeasuredCampaign], value: Callable[[MeasuredCase], float], *, divided_by: int = 1
+) -> Counts:
+    """Return a value of each usable test case, by driver and repetition, divided by a number."""
+    return {
+        (measured.driver, measured.repetition): {case.name: value(case) / divided_by for case in measured.usable}
+        for measured in campaigns
+    }
 
 
-def _ratio(above: dict[str, float], below: dict[str, float]) -> Ours | None:
-    names = sorted(above.keys() | below.keys())
-    over, under = [above.get(name, 0.0) for name in names], [below.get(name, 0.0) for name in names]
-    return Ours(sum(over) / sum(under), ratio_interval(over, under)) if sum(under) else None
+def _ratio(above: Counts, below: Counts) -> Ours | None:
+    over, under = (sum(sum(own.values()) for own in counts.values()) for counts in (above, below))
+    return Ours(over / under, ratio_interval(above, below)) if under else None
 
 
 def _collisions(of: MeasuredCase | MeasuredCampaign) -> float:
     return float(of.count(Counted.COLLISIONS))
+
+
+def _hours(case: MeasuredCase) -> float:
+    return case.derived_s / 3600
 
 
 def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results, str], Ours | None]:
@@ -121,7 +136,7 @@ def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results,
 
     def ours(results: Results, driver: str) -> Ours | None:
         campaigns = _campaigns(results, driver, ranker, clip_s, points)
-        return _ratio(_by_case(campaigns, _collisions), _by_case(campaigns, lambda case: float(len(case.clips))))
+        return _ratio(_counts(campaigns, _collisions), _counts(campaigns, lambda case: float(len(case.clips))))
 
     return ours
 
@@ -134,15 +149,13 @@ def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
     """
 
     def ours(results: Results, driver: str) -> Ours | None:
-        own: dict[str, float] = {}
-        everything: dict[str, float] = {}
+        own: dict[Repetition, Mapping[str, float]] = {}
+        everything: dict[Repetition, Mapping[str, float]] = {}
         for name in _drivers(results, driver):
             ranked, searched = (_campaigns(results, name, ranker, clip_s) for ranker in ("foresee", EXHAUSTIVE))
-            if not ranked or not searched:
-                continue
-            for sums, campaigns in ((own, ranked), (everything, searched)):
-                for case, number in _by_case(campaigns, _collisions).items():
-                    sums[case] = sums.get(case, 0.0) + number / len(campaigns)
+            if ranked and searched:
+                own |= _counts(ranked, _collisions, divided_by=len(ranked))
+                everything |= _counts(searched, _collisions, divided_by=len(searched))
         return _scaled(_ratio(own, everything), 100)
 
     return ours
@@ -153,7 +166,7 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
 
     def ours(results: Results, driver: str) -> Ours | None:
         own, theirs = _in_common(results, driver, ranker, CHOSEN_S)
-        return _scaled(_ratio(_by_case(own, _collisions), _by_case(theirs, _collisions)), 100, less=100)
+        return _scaled(_ratio(_counts(own, _collisions), _counts(theirs, _collisions)), 100, less=100)
 
     return ours
 
@@ -169,11 +182,16 @@ def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
         everything = _campaigns(results, driver, EXHAUSTIVE, clip_s)
         searched = {m.driver for m in everything}
         own = tuple(m for m in _campaigns(results, driver, "foresee", clip_s) if m.driver in searched)
-        rates = []
+        rates, drawn = [], []
         for campaigns in (own, everything):
-            hours = sum(m.simulated_s for m in campaigns) / 3600
-            rates.append(sum(map(_collisions, campaigns)) / hours if hours else 0.0)
-        return Ours(100 * (rates[0] / rates[1] - 1)) if all(rates) else None
+            collisions, hours = (_counts(campaigns, value) for value in (_collisions, _hours))
+            rates.append(_ratio(collisions, hours))
+            drawn.append(resampled_ratios(collisions, hours))
+        if rates[0] is None or rates[1] is None or not rates[1].value:
+            return None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            interval = percentiles(drawn[0] / drawn[1])
+        return _scaled(Ours(rates[0].value / rates[1].value, interval), 100, less=100)
 
     return ours
 
@@ -196,37 +214,47 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 def of_drivefuzz(results: Results, driver: str) -> Ours | None:
     """Return how many further failing test cases foresee finds, % of DriveFuzz's failing test cases."""
-    both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
-    ours: dict[str, float] = {}
-    theirs: dict[str, float] = {}
-    for iteration in both:
+    ours, theirs = Counter[tuple[Repetition, str]](), Counter[tuple[Repetition, str]]()
+    for repetition, iteration in _iterations(results, driver):
         for case in iteration.forecast.cases:
-            ours[case.name] = ours.get(case.name, 0.0) + (case.name in iteration.split.forecast)
-            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in iteration.split.fuzzed)
-    return _scaled(_ratio(ours, theirs), 100)
+            ours[repetition, case.name] += case.name in iteration.split.forecast
+            theirs[repetition, case.name] += case.name in iteration.split.fuzzed
+    return _scaled(_ratio(_by_repetition(ours), _by_repetition(theirs)), 100)
 
 
 def children_of_drivefuzz(results: Results, driver: str) -> Ours | None:
     """Return foresee's failing mutants in test cases in which DriveFuzz found no failure, % of DriveFuzz's failing test
     cases.
     """
-    both = [iteration for name in _drivers(results, driver) for pair in iterations(results, name) for iteration in pair]
-    ours: dict[str, float] = {}
-    theirs: dict[str, float] = {}
-    for iteration in both:
+    ours, theirs = Counter[tuple[Repetition, str]](), Counter[tuple[Repetition, str]]()
+    for repetition, iteration in _iterations(results, driver):
         for case in iteration.forecast.cases:
-            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in iteration.split.fuzzed)
+            theirs[repetition, case.name] += case.name in iteration.split.fuzzed
         for case in iteration.forecast_on_rest.cases:
-            ours[case.name] = ours.get(case.name, 0.0) + sum(child.verdict.is_failure for child in case.children)
-    return _scaled(_ratio(ours, theirs), 100)
+            ours[repetition, case.name] += sum(child.verdict.is_failure for child in case.children)
+    return _scaled(_ratio(_by_repetition(ours), _by_repetition(theirs)), 100)
+
+
+def _iterations(results: Results, driver: str) -> Iterator[tuple[Repetition, Iteration]]:
+    """Yield the iterations of rq4, each with its driver and repetition."""
+    for name in _drivers(results, driver):
+        for both in iterations(results, name):
+            yield from (((name, both[0].forecast.repetition), iteration) for iteration in both)
+
+
+def _by_repetition(counts: Mapping[tuple[Repetition, str], int]) -> Counts:
+    sums: dict[Repetition, dict[str, float]] = {}
+    for (repetition, case), count in counts.items():
+        sums.setdefault(repetition, {})[case] = float(count)
+    return sums
 
 
 def weather_collisions(results: Results, driver: str) -> Ours | None:
     """Return the share of clips that collide in heavy weather, %."""
     campaigns = tuple(m for name in _drivers(results, driver)
                   for m in results.of_campaign(name, "foresee", preset=HEAVY_WEATHER))  # fmt: skip
-    children = _by_case(campaigns, lambda case: float(len(list(case.children))))
-    return _scaled(_ratio(_by_case(campaigns, _collisions), children), 100)
+    children = _counts(campaigns, lambda case: float(len(list(case.children))))
+    return _scaled(_ratio(_counts(campaigns, _collisions), children), 100)
 
 
 def _scaled(ours: Ours | None, by: float, *, less: float = 0.0) -> Ours | None:

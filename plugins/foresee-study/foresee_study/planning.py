@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.campaign.node import StepNode
+from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.documents import rounded
 from foresee_study.questions import wanted_by

@@ -133,7 +133,7 @@ class Results:
         for repetition in sorted(sides[0].keys() & sides[1].keys()):
             own, other = sides[0][repetition], sides[1][repetition]
             for name in sorted(own.keys() & other.keys()):
-                yield Pair(name, repetition, own[name].count(what), other[name].count(what))
+                yield Pair(name, repetition, own[name].count(what), other[name].count(what), driver)
 
 
 def paired(

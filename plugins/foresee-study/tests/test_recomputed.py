@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -148,6 +149,26 @@ def test_rates_of_risky_points_and_shares_of_the_exhaustive_search(study: Study)
             if row[f"{kind}, of exhaustive, %"]:
                 whole = mean(number(c, kind) for c in everything)
                 row.states(f"{kind}, of exhaustive, %", 100 * mean(number(c, kind, int(points)) for c in own) / whole)
+
+
+def test_where_the_collisions_of_the_exhaustive_search_lie(study: Study) -> None:
+    if study.page == "results-idm":
+        pytest.skip("the files of this page are older than the moments' times")
+    for row in study.table("rq1_where"):
+        driver, _, rest = row["part"].partition(", clips of ")
+        clip_s = float(rest.removesuffix(" s"))
+        (searched,) = study.of(driver, "exhaustive", clip_s)
+        every = near = 0
+        for own in study.of(driver, "foresee", clip_s):
+            moments = {c["name"]: [clip["at_s"] for clip in c["clips"]] for c in own["cases"] if c["verdict"] == "pass"}
+            for name, clip in clips(searched):
+                at_s = clip["at_s"] if clip.get("at_s") is not None else math.ceil(clip_s / 2) + clip["position"]
+                collisions = count(clip["children"], "collisions") if name in moments else 0
+                every += collisions
+                distance = min((abs(at_s - moment) for moment in moments.get(name, ())), default=math.inf)
+                near += collisions * (distance <= 0.5)
+        if row["seconds"] == "at a moment that foresee studies":
+            row.states("collisions, %", 100 * Fraction(near, every))
 
 
 def seconds_of(campaign: Campaign) -> float:

@@ -70,10 +70,11 @@ def test_holms_correction_of_four_p_values() -> None:
 
 def test_bootstrap_of_efrons_hormone_patches() -> None:
     assert sum(NEW_LESS_OLD) / sum(OLD_LESS_PLACEBO) == pytest.approx(-0.0713, abs=5e-5)
-    drawn = resampled_ratios(NEW_LESS_OLD, OLD_LESS_PLACEBO)
+    new, old = ({("", 0): {str(k): value for k, value in enumerate(v)}} for v in (NEW_LESS_OLD, OLD_LESS_PLACEBO))
+    drawn = resampled_ratios(new, old)
     assert len(drawn) == RESAMPLES
     assert drawn.std() == pytest.approx(0.105, abs=0.007)  # 0.105 from 200 resamples, 0.101 from 400
-    low, high = ratio_interval(NEW_LESS_OLD, OLD_LESS_PLACEBO)
+    low, high = ratio_interval(new, old)
     assert low < -0.0713 < high
 
 
@@ -119,6 +120,16 @@ def test_repetitions_of_a_test_case_are_drawn_together(first: list[int], second:
     once, three = compare(pairs), compare(thrice)
     assert np.array_equal(once.interval, three.interval, equal_nan=True)
     assert once.flips == three.flips  # copies are no evidence
+
+
+def test_seeds_are_drawn_too() -> None:
+    """One seed finds all, for every test case alike: only over seeds does the ratio vary."""
+    lucky = [Pair(f"c{k}", seed, 3 if seed == 0 else 0, 1) for k in range(8) for seed in range(3)]
+    low, high = compare(lucky).interval
+    assert (low, high) == (0.0, 3.0)
+    assert compare([pair for pair in lucky if pair.repetition == 0]).interval == (3.0, 3.0)
+    of_two_drivers = [Pair(p.case, 0, p.first, p.second, f"driver {p.repetition}") for p in lucky]
+    assert compare(of_two_drivers).interval == (1.0, 1.0), "drivers are not drawn"
 
 
 def test_an_interval_is_the_middle_95_percent_of_the_resamples() -> None:

@@ -108,7 +108,7 @@ def test_each_reading_of_the_paper_has_its_figures_beside_the_papers() -> None:
 def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:
     results = Results((made("foresee", 8), made("random", 2)), "paper")
     (sentence,) = (line for line in in_words(results, "rq2") if "random" in line)
-    assert "300 %, the paper's two drivers together 129 %" in sentence
+    assert ": 300 % (" in sentence and "), the paper's two drivers together 129 %" in sentence
     assert "the direction is the same" in sentence
     worse = Results((made("foresee", 1), made("random", 6)), "paper")
     (sentence,) = (line for line in in_words(worse, "rq2") if "random" in line)
@@ -118,6 +118,19 @@ def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:
     assert "here there is no difference." in sentence and "direction" not in sentence
     own = Results((made("foresee", 8, driver="fusion_safe"), made("random", 2, driver="fusion_safe")), "paper")
     assert rows_of(beside(own, "rq2"))[0]["fusion_safe, paper"] == "186.69"
+
+
+def test_a_share_of_drivefuzzs_is_put_beside_the_papers_only_with_its_budget() -> None:
+    campaigns = (made("foresee", 4), replace(made("foresee", 4), seed=SECOND_ITERATION))
+    for cycles, said in (
+        (10, "with another budget than the paper's (10 cycles of 1 mutation)"),
+        (1, "lies within our interval"),
+    ):
+        fuzzings = tuple(replace(fuzzed({NAMES[0]}, k), cycles=cycles, mutations=1) for k in (1, 2))
+        results = Results(campaigns, "paper", fuzzings=fuzzings)
+        sentence = in_words(results, "rq4")[0]
+        assert said in sentence and ("interval" in sentence) == (cycles == 1)
+        assert bool(beside(results, "rq4").notes[1:]) == (cycles > 1)
 
 
 def test_foresee_is_compared_in_the_drivers_and_repetitions_that_both_have() -> None:

@@ -13,7 +13,7 @@ from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.exchange.lanes import beside, lane_links, shifted
+from foresee_dsl.exchange.network_parts import beside, lane_links, shifted
 
 BUILDING_HEIGHT_M = 8.0
 """Height of buildings, m. Ours: two storeys; the language has outlines only."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from foresee_bridges.osi.library import Numbers, add_reference, osi3, set_size, set_vector, set_yaw
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.exchange.signal_heads import BULB_M, Head, heads_of, signal_states
+from foresee_dsl.exchange.network_parts import BULB_M, Head, heads_of, signal_states
 from foresee_dsl.simulate.mission import NEAR_HEIGHT_M
 from foresee_dsl.simulate.trace import Trace
 

@@ -8,8 +8,8 @@ from collections import Counter
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
-from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
 from foresee_dsl.compile.foreign.networks import Tell, convert_map, in_silence, notes_of
+from foresee_dsl.compile.foreign.opendrive_reading import crosswalks_of
 from foresee_dsl.compile.nets.netconvert import NetconvertLimitError, run_netconvert, without_header
 from foresee_dsl.compile.nets.safe_xml import parse_xml, unpacked
 from foresee_dsl.compile.roads.polyline import Polyline

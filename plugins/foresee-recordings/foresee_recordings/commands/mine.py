@@ -199,8 +199,7 @@ def _number(text: str) -> float:
 def _draw(traffic: Traffic, situations: tuple[Situation, ...], folder: Path, *, png: bool) -> tuple[Path, ...]:
     """Write a picture of each situation; return the files."""
     from foresee_dsl.files import replacing, write_whole
-    from foresee_dsl.report.drawing.png import png_of_svg
-    from foresee_dsl.report.drawing.svg import svg_of
+    from foresee_dsl.report.drawing.svg import png_of_svg, svg_of
     from foresee_recordings.mining.pictures import picture
     from foresee_recordings.scenarios.naming import file_names
 

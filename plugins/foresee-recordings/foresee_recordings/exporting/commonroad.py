@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.exchange.lanes import beside, lane_links, shifted
-from foresee_dsl.exchange.signal_heads import Head, heads_of, signal_states
+from foresee_dsl.exchange.network_parts import Head, beside, heads_of, lane_links, shifted, signal_states
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.exporting.runs import Run, lost_in_all, render
 from foresee_recordings.recording import FloatArray, Track

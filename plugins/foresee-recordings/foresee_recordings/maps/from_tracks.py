@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from foresee_recordings.maps.joined_lines import length_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
 from foresee_recordings.maps.network import network_of, usual_speed
 from foresee_recordings.recording import FloatArray, RecordedMap, Recording, Track
@@ -42,7 +43,7 @@ def guessed_roads(tracks: Iterable[Track]) -> RecordedMap | None:
     """
     tracks = tuple(tracks)
     lines = [(track, line) for track in tracks if track.kind in _VEHICLES and (line := _line(track)) is not None]
-    lines.sort(key=lambda item: -_length(item[1]))
+    lines.sort(key=lambda item: -length_of(item[1]))
     lanes: dict[str, Lane] = {}
     centres: list[shapely.LineString] = []
     for track, line in lines:
@@ -69,7 +70,7 @@ def _line(track: Track) -> FloatArray | None:
         if np.hypot(*(place - points[-1])) >= _SPACING_M:
             points.append(place)
     line = np.array(points)
-    return line if len(line) > 1 and _length(line) >= _SHORTEST_M else None
+    return line if len(line) > 1 and length_of(line) >= _SHORTEST_M else None
 
 
 def _covered(line: FloatArray, centres: list[shapely.LineString]) -> bool:
@@ -102,7 +103,3 @@ def _lane(id_: str, centre: FloatArray, width_m: float) -> Lane:
     along = np.gradient(centre, axis=0)
     aside = np.column_stack((-along[:, 1], along[:, 0])) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
     return Lane(id_, centre + aside * width_m / 2, centre - aside * width_m / 2)
-
-
-def _length(line: FloatArray) -> float:
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())

@@ -25,7 +25,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import run_child
-from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
+from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.referring import driven
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case

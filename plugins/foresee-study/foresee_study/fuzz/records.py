@@ -11,8 +11,7 @@ from pydantic import TypeAdapter
 
 from foresee_dsl.documents import or_null, plain, rounded
 from foresee_dsl.files import unpacked_within
-from foresee_dsl.simulate.results.run_record import RunRecord
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_study.fuzz.quality import Quality
 from foresee_study.fuzz.settings import FuzzSettings
 

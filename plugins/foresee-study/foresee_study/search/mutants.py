@@ -11,7 +11,7 @@ from typing import Self
 from foresee_dsl import __version__
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip import ClipStep
-from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
+from foresee_dsl.campaign.steps.inputs import clip_case, clip_of
 from foresee_dsl.campaign.steps.mutants import MutantsStep, driver_of
 from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import KeyInputs, Work

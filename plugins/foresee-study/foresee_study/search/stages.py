@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from foresee_dsl.campaign.allocation.rounds import Rounds
-from foresee_dsl.campaign.node import StepNode
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, decode
 from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.campaign.stages import Stages
@@ -20,6 +19,7 @@ from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RoundRequest
+from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.language.project.document import TestCase

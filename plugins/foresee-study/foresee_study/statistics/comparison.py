@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foresee_dsl.kernels.arrays import BoolArray, IntArray
-from foresee_study.statistics.bootstrap import Interval, percentiles, resampled_ratios
+from foresee_study.statistics.bootstrap import Counts, Interval, Repetition, ratio_interval
 from foresee_study.statistics.effects import a12, cohens_d
 
 FEWEST_CASES = 6
@@ -19,12 +19,13 @@ FEWEST_CASES = 6
 
 @dataclass(frozen=True)
 class Pair:
-    """One unit, a test case in one repetition, with the counts of both techniques."""
+    """One unit, a test case in one repetition with one driver, with the counts of both techniques."""
 
     case: str
     repetition: int
     first: float
     second: float
+    driver: str = ""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Comparison:
 
     Attributes:
         first, second: the sums over all units. pairs, cases: number of units and of test cases.
-        a12, d: effect sizes over the units. interval: interval of the ratio of the sums, by bootstrap over test cases.
+        a12, d: effect sizes over the units. interval: interval of the ratio of the sums, see `bootstrap`.
         signed_rank: p value of Wilcoxon's test over the units that differ. flips: p value of the exact permutation of
             whole test cases, which does not treat repetitions of one test case as independent; or the reason why there
             is none.
@@ -90,10 +91,20 @@ def compare(pairs: Sequence[Pair]) -> Comparison:
         cases=len(totals),
         a12=a12(first, second),
         d=cohens_d(first, second),
-        interval=percentiles(resampled_ratios([a for a, _ in totals], [b for _, b in totals])),
+        interval=ratio_interval(*_counts(pairs)),
         signed_rank=by_rank,
         flips=by_flips,
     )
+
+
+def _counts(pairs: Sequence[Pair]) -> tuple[Counts, Counts]:
+    """Return the counts of both techniques by driver and repetition."""
+    first: dict[Repetition, dict[str, float]] = {(pair.driver, pair.repetition): {} for pair in pairs}
+    second: dict[Repetition, dict[str, float]] = {(pair.driver, pair.repetition): {} for pair in pairs}
+    for pair in pairs:
+        first[pair.driver, pair.repetition][pair.case] = pair.first
+        second[pair.driver, pair.repetition][pair.case] = pair.second
+    return first, second
 
 
 def _tested(

@@ -18,7 +18,7 @@ COLUMNS = (
 )  # fmt: skip
 NOTES = (
     "Units are (test case, repetition); findings are counted in each unit, so that a story that occurs in two test "
-    "cases counts twice. The interval of the ratio is by bootstrap over test cases. The signed-rank "
+    "cases counts twice. The interval of the ratio is by bootstrap over test cases and repetitions. The signed-rank "
     "test treats each unit as independent; the permutation test flips the signs of whole test cases, exactly. Holm's "
     "correction is over this table.",
 )

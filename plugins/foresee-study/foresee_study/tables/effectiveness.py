@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterator
 from itertools import product
+from typing import NamedTuple
 
-from foresee_study.measured import Counted, MeasuredCampaign
+from foresee_study.measured import Counted, MeasuredCampaign, MeasuredClip
 from foresee_study.questions import CLIPS_S, POINTS
 from foresee_study.results import Results, mean, mean_count, total
 from foresee_study.settings import EXHAUSTIVE
@@ -26,6 +29,7 @@ def effectiveness(results: Results) -> tuple[Table, ...]:
         *(_ranking(results, clip_s) for clip_s in CLIPS_S if any(
             results.of_campaign(driver, "proximity", clip_s) for driver in results.drivers
         )),
+        _where(results),
         _rates(results),
         _statistics(results),
     )  # fmt: skip
@@ -128,6 +132,85 @@ def _shares(campaigns: tuple[MeasuredCampaign, ...], everything: tuple[MeasuredC
         yield number
         yield number / points if points and number is not None else None
         yield 100 * number / most if most and number is not None else None
+
+
+PLACES = (
+    "at a moment that foresee studies", "up to half a clip later", "up to half a clip earlier", "farther away",
+)  # fmt: skip
+"""Where a second of the exhaustive search lies, by its distance from the nearest risky point of foresee."""
+_SAME_S = 0.5
+"""Largest distance from a moment that is still the same, s: the search studies whole seconds."""
+
+
+class Place(NamedTuple):
+    """Some seconds of the exhaustive search: where they lie, and how many clips, mutants and collisions they have."""
+
+    name: str
+    clips: float
+    children: float
+    collisions: float
+
+
+def _where(results: Results) -> Table:
+    """Return a table of where the collisions of the exhaustive search lie, by the nearest risky point of foresee."""
+    columns = (
+        Column("seconds, %", digits=1), Column("collisions", digits=1), Column("collisions, %", digits=1),
+        Column("of the mutants, %", digits=1),
+    )  # fmt: skip
+    rows: list[Row] = []
+    for driver, clip_s in product(results.drivers, CLIPS_S):
+        if (places := where_collisions_lie(results, driver, clip_s)) is not None:
+            clips, collisions = sum(place.clips for place in places), sum(place.collisions for place in places)
+            rows.append(Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING))
+            rows += [
+                Row(place.name, (
+                    100 * place.clips / clips, place.collisions, 100 * place.collisions / collisions,
+                    100 * place.collisions / place.children if place.children else None,
+                ))
+                for place in places
+            ]  # fmt: skip
+    notes = (
+        "Each second of the exhaustive search by its distance from foresee's nearest risky point; means over foresee's "
+        "repetitions. Of the mutants: the share that collides.",
+    )
+    return Table("rq1_where", "RQ1: where the collisions of the exhaustive search lie", columns, tuple(rows), "seconds",
+                 notes)  # fmt: skip
+
+
+def where_collisions_lie(results: Results, driver: str, clip_s: float) -> tuple[Place, ...] | None:
+    """Return the seconds of the exhaustive search by their distance from foresee's nearest risky point; means of
+    foresee's repetitions. None if one of the two was not run, the search has no collision, or foresee's file does not
+    record its moments.
+    """
+    ranked = results.of_campaign(driver, "foresee", clip_s)
+    searched = results.of_campaign(driver, EXHAUSTIVE, clip_s)
+    moments = [clip.at_s for m in ranked for case in m.usable for clip in case.clips]
+    if not searched or not moments or None in moments or not searched[0].count(Counted.COLLISIONS):
+        return None
+    clips, collisions, children = Counter[str](), Counter[str](), Counter[str]()
+    for own in ranked:
+        for name, clip in _placed(own, searched[0]):
+            clips[name] += 1
+            children[name] += len(clip.children)
+            collisions[name] += sum(child.verdict.is_collision for child in clip.children)
+    count = len(ranked)
+    return tuple(Place(name, clips[name] / count, children[name] / count, collisions[name] / count) for name in PLACES)
+
+
+def _placed(own: MeasuredCampaign, searched: MeasuredCampaign) -> Iterator[tuple[str, MeasuredClip]]:
+    """Yield the clips of the exhaustive search, each with its place, in test cases that are usable in both."""
+    points = {case.name: [clip.at_s for clip in case.clips if clip.at_s is not None] for case in own.usable}
+    for case in searched.usable:
+        for clip in case.clips if case.name in points else ():
+            # The search studies each whole second from the first one on whose clip lies in the run.
+            at_s = clip.at_s if clip.at_s is not None else math.ceil(searched.before_s) + clip.position
+            apart_s = min((at_s - point_s for point_s in points[case.name]), key=abs, default=math.inf)
+            if abs(apart_s) <= _SAME_S:
+                yield PLACES[0], clip
+            elif abs(apart_s) <= searched.clip_s / 2:
+                yield PLACES[1 if apart_s > 0 else 2], clip
+            else:
+                yield PLACES[3], clip
 
 
 def _statistics(results: Results) -> Table:

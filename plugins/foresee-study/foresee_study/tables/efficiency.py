@@ -89,9 +89,9 @@ def _areas(results: Results, clock: Clock) -> Table:
             rows += [Row(f"{driver}: foresee", kind=RowKind.HEADING), *lines]
     notes = (
         "Area under the curve of cumulative collisions, in collisions times seconds, up to the earlier of the two "
-        "ends; with the interval of the ratio by bootstrap over test cases. Up to the later end, the curve that ended "
-        "first stays constant. Both sides are means of the repetitions that both have; a search without repetitions is "
-        "compared with each repetition of the other.",
+        "ends; with the interval of the ratio by bootstrap over test cases and repetitions. Up to the later end, the "
+        "curve that ended first stays constant. Both sides are means of the repetitions that both have; a search "
+        "without repetitions is compared with each repetition of the other.",
     )
     return Table(_name("rq3_areas", clock), f"RQ3: areas under the curves, {clock.value} time", columns, tuple(rows),
                  notes=notes)  # fmt: skip

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase, MeasuredClip
+from foresee_study.measured import Counted, MeasuredCampaign, MeasuredClip
 from foresee_study.results import Results, mean
 from foresee_study.settings import EXHAUSTIVE
 from foresee_study.statistics import Pair, compare
-from foresee_study.statistics.bootstrap import Interval, ratio_interval
+from foresee_study.statistics.bootstrap import Interval, Repetition, ratio_interval
 from foresee_study.tables.comparing import Compared, comparison_table
 from foresee_study.tables.table import Column, Row, RowKind, Table, Value
 
@@ -84,8 +84,8 @@ def rates(results: Results) -> Table:
         rows += [Row(driver, kind=RowKind.HEADING), *lines] if lines else []
     notes = (
         "Simulated time of clips and mutants; rankers are cut to the time that the searches had, in the order of their "
-        "runs, and some need less. Findings: stories of a campaign. Low, high: 95 % by bootstrap over test cases, of "
-        "the rate of the stories of each test case, scaled to the rate of the campaign's.",
+        "runs, and some need less. Findings: stories of a campaign. Low, high: 95 % by bootstrap over test cases and "
+        "repetitions, of the rate of the stories of each test case, scaled to the rate of the campaign's.",
         "Steered into the ego: the mutation turned the wheels, or moved the line, of the actor that the ego collides "
         "with, towards the ego before the contact, and this actor moved (its story says so). Stories of the exhaustive "
         "search: how many of its findings are found, with the same preset.",
@@ -112,21 +112,18 @@ def _values(campaigns: Sequence[MeasuredCampaign], every: frozenset[str]) -> Ite
 
 
 def _interval(campaigns: Sequence[MeasuredCampaign], what: Counted, rate: float | None) -> Interval:
-    cases: defaultdict[str, list[MeasuredCase]] = defaultdict(list)
-    for m in campaigns:
-        for case in m.usable:
-            cases[case.name].append(case)
-    counts = [sum(case.count(what) for case in own) for own in cases.values()]
-    hours = [sum(_simulated_s(case) for case in own) / 3600 for own in cases.values()]
-    if rate is None or not sum(counts):
+    cases = [(m.driver, m.repetition, case) for m in campaigns for case in m.usable]
+    counts: dict[Repetition, dict[str, float]] = {(driver, number): {} for driver, number, _ in cases}
+    hours: dict[Repetition, dict[str, float]] = {(driver, number): {} for driver, number, _ in cases}
+    for driver, number, case in cases:
+        counts[driver, number][case.name] = case.count(what)
+        hours[driver, number][case.name] = case.derived_s / 3600
+    total = sum(sum(own.values()) for own in counts.values())
+    if rate is None or not total:
         return Interval(np.nan, np.nan)
-    scale = rate / (sum(counts) / sum(hours))
+    scale = rate / (total / sum(sum(own.values()) for own in hours.values()))
     low, high = ratio_interval(counts, hours)
     return Interval(scale * low, scale * high)
-
-
-def _simulated_s(case: MeasuredCase) -> float:
-    return sum(clip.simulated_s + sum(child.simulated_s for child in clip.children) for clip in case.clips)
 
 
 def _steered_share(measured: MeasuredCampaign) -> float | None:

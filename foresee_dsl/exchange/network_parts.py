@@ -1,16 +1,64 @@
-"""Signal heads of a network as other formats describe them, and the states of the signals in a run."""
+"""Parts of a network as other formats describe them: the borders of lanes, the lanes beside them, before and after
+them, signal heads, and the states of signals in a run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.topology import Crossing, Movement
+from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import Crossing, Lane, Movement
+from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.simulate.mission import NEAR_AHEAD_M, NEAR_RIGHT_M
 from foresee_dsl.simulate.trace import Trace
+
+_MITRE = 2.0
+"""Largest stretch of an offset corner, as a multiple of the offset. Ours: bounds spikes at sharp corners."""
+
+
+def lane_links(network: RoadNetwork) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Return the ids of the lanes before and after each lane, by its id; a lane without any is absent."""
+    before: dict[str, list[str]] = {}
+    after: dict[str, list[str]] = {}
+    for movement in network.movements:
+        chain = (movement.from_lane, *movement.via, movement.to_lane)
+        for first, second in pairwise(chain):
+            if second not in after.setdefault(first, []):
+                after[first].append(second)
+                before.setdefault(second, []).append(first)
+    return {
+        lane: (tuple(before.get(lane, ())), tuple(after.get(lane, ()))) for lane in dict.fromkeys((*before, *after))
+    }
+
+
+def beside(network: RoadNetwork, lane: Lane, side: int) -> Lane | None:
+    """Return the lane of the same edge to the left (1) or right (-1), if any."""
+    edge = network.edges.get(lane.edge)
+    index = lane.index + network.lanes_to(side)
+    if edge is None or lane.internal or not 0 <= index < len(edge.lanes):
+        return None
+    return edge.lanes[index]
+
+
+def shifted(line: Points, left_m: float) -> FloatArray:
+    """Return a line that runs beside another, `left_m` to its left, with mitred corners, [N, 2]."""
+    points = np.asarray(line, dtype=np.float64)[:, :2]
+    legs = np.diff(points, axis=0)
+    legs /= np.maximum(np.linalg.norm(legs, axis=1, keepdims=True), 1e-9)
+    normals = np.stack((-legs[:, 1], legs[:, 0]), axis=1)
+    before, after = np.vstack((normals[:1], normals)), np.vstack((normals, normals[-1:]))
+    corners = before + after
+    corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
+    stretch = np.minimum(1 / np.maximum(np.einsum("ij,ij->i", corners, after), 1e-9), _MITRE)
+    line_beside: FloatArray = points + left_m * corners * stretch[:, None]
+    return line_beside
+
 
 BULB_M = 0.2
 """Diameter of a bulb, and distance of the heads of one lane, m: the smaller size of EN 12368 (200 mm)."""

@@ -1,16 +1,23 @@
-"""Reads the explanation of each code from `grammars/codes.toml`, for `foresee explain` and the documentation."""
+"""The list of all errors and lints by their codes, such as `FS012`: meaning, severity, examples. `grammars/codes.toml`
+declares each once; the function that reports it names the code, and everything else reads this list."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 from typing import Literal
 
+from foresee_dsl.errors import Diagnostic, MessageText, Span
 from foresee_dsl.files import data_folder
+from foresee_dsl.helps import HelpText
 
 PIN = "sha256:5ef2c6120a41"
 """The text that stands for a parent's pin in an example."""
+NETWORK_LINTS = "FS33"
+"""First characters of the codes of lints that need the built network."""
+NEED_THE_NETWORK = ("FS25", "FS26", NETWORK_LINTS)
+"""First characters of all codes that need the built network."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,3 +79,11 @@ def every_code() -> MappingProxyType[str, Code]:
 
     text = (data_folder("grammars") / "codes.toml").read_text(encoding="utf-8")
     return MappingProxyType({name: Code(name, **fields) for name, fields in tomllib.loads(text).items()})
+
+
+def diagnostic_of(
+    code: str, message: MessageText, help: HelpText, path: str, span: Span | None = None, source_line: str = ""
+) -> Diagnostic:
+    """Return a diagnostic with the severity of its code; see `Diagnostic.of`."""
+    diagnostic = Diagnostic.of(code, message, help, path, span, source_line)
+    return replace(diagnostic, severity=every_code()[code].severity)

@@ -20,7 +20,6 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, plain, references
-from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.project.document import Document
@@ -140,7 +139,7 @@ def with_drawn_cases(document: Document) -> Document:
             drawn = draw(scenario, item)
         except TooFewError as error:
             help = "widen a range, ask for fewer cases, or loosen the " + write("require")
-            raise InputError((document.diagnostic(item, "", c.TOO_FEW_DRAWS, str(error), help),)) from None
+            raise InputError((document.diagnostic(item, "", "FS104", str(error), help),)) from None
         place = document.span(item)
         if place is not None:
             spans |= {(id(part), ""): place for case in drawn for part in (case, *case.values)}

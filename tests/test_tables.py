@@ -1,0 +1,248 @@
+"""Tables of the documentation that repeat what the code has: written from it, or compared with its names or values.
+
+`pytest tests/test_tables.py --rewrite-goldens` writes the rows of the first kind again.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import re
+import tomllib
+from collections.abc import Callable, Iterable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from foresee_dsl.derive.avoidable import NAMES
+from foresee_dsl.derive.operators import operators
+from foresee_dsl.derive.presets import PRESETS
+from foresee_dsl.drivers.registry import DRIVERS
+from foresee_dsl.forecast.registry import RANKERS
+from foresee_dsl.language.codes import every_code
+from foresee_dsl.language.model import OWNERS, PROPERTIES, USUAL
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.language.units import UNITS
+from foresee_dsl.limits import LIMITS
+from foresee_dsl.simulate.results.criticality import Measure
+from foresee_dsl.simulate.results.verdict import COLLISIONS
+from foresee_dsl.simulate.rules.infraction import Rule
+from tests.support.goldens import Golden
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
+
+
+def lints() -> Iterable[tuple[str, ...]]:
+    for code in every_code().values():
+        if code.code.startswith("FS3"):
+            yield f"`{code.code}`", code.title, code.severity, " ".join(code.explanation.split())
+
+
+def limits() -> Iterable[tuple[str, ...]]:
+    return ((f"`{limit.name}`", f"{limit.default:.0f} {limit.unit}", limit.what) for limit in LIMITS.values())
+
+
+def inputs_of_the_action() -> Iterable[tuple[str, ...]]:
+    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    for name, value in action["inputs"].items():
+        yield f"`{name}`", f"`{value['default']}`" if value["default"] else "", value["description"].rstrip(".")
+
+
+WRITTEN: dict[tuple[str, str], Callable[[], Iterable[tuple[str, ...]]]] = {
+    ("guide/checking.md", "| lint | reports | severity | explanation |"): lints,
+    ("guide/security.md", "| limit | default | what it limits |"): limits,
+    ("guide/ci.md", "| input | default | meaning |"): inputs_of_the_action,
+}
+"""The rows of a table, by its page and its first line."""
+
+
+def rows_of(page: str, header: str) -> str:
+    """Return the rows of a table, as they are in the page."""
+    table = (DOCS / page).read_text(encoding="utf-8").partition(f"\n{header}\n")[2].partition("\n\n")[0]
+    assert table, f"docs/{page} has no table with the first line {header}"
+    return table.partition("\n")[2]
+
+
+def cells_of(rows: str) -> list[list[str]]:
+    return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows.splitlines()]
+
+
+@pytest.mark.parametrize(("page", "header"), WRITTEN)
+def test_a_table_is_as_the_code_writes_it(page: str, header: str, golden: Golden) -> None:
+    cells = ([cell.replace("|", r"\|") for cell in row] for row in WRITTEN[page, header]())
+    rows = "\n".join(f"| {' | '.join(row)} |".replace("|  |", "| |") for row in cells)
+    text = (DOCS / page).read_text(encoding="utf-8")
+    golden(text.replace(rows_of(page, header), rows), DOCS / page)
+
+
+def plug_in_groups() -> set[str]:
+    modules = (path for folder in ("foresee_dsl", "plugins") for path in (ROOT / folder).rglob("*.py"))
+    group = re.compile(r'(?:PluginGroup\(|^GROUP = )"(foresee_dsl\.\w+)"', re.MULTILINE)
+    return {name for module in modules for name in group.findall(module.read_text(encoding="utf-8"))}
+
+
+def extras() -> set[str]:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return {*project["optional-dependencies"]} - {"lsp", "docs", "dev"}  # an old name, and those of developers
+
+
+def changeable_in_clips() -> set[str]:
+    owners = ((name, owner.properties or ("NAME",)) for name, owner in OWNERS.items() if not owner.not_in_clips)
+    return {f"ACTOR.{name}" for name in PROPERTIES} | {f"{owner}.{name}" for owner, names in owners for name in names}
+
+
+def styles() -> set[str]:
+    return {*PROPERTIES["style"].words} - {USUAL}
+
+
+NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
+    ("reference/plug-ins.md", "| group | what it adds | description |"): plug_in_groups,
+    ("reference/drivers.md", "| driver | what it is |"): lambda: (*DRIVERS.names(), *DRIVERS.missing()),
+    ("reference/clips.md", "| changed | values | WAS, if the clip does not say it |"): changeable_in_clips,
+    ("background/method.md", "| ranker | what it does |"): lambda: (*RANKERS.names(), *RANKERS.missing()),
+    ("background/method.md", "| operator | what it changes | which actors | source |"): operators,
+    ("background/method.md", "| preset | what its children are |"): lambda: PRESETS,
+    ("background/method.md", "| rule | the ego breaks it when | source |"): lambda: Rule,
+    ("background/method.md", "| kind | definition |"): lambda: COLLISIONS,
+    # time to collision and the braking needed are described in front of the table
+    ("background/method.md", "| key | measure | value at a moment |"): lambda: {*Measure} - {Measure.TTC, Measure.DRAC},
+    ("background/rankers.md", "| behaviour | `operator` in a mutant | the change | which actors |"): NAMES.values,
+    ("reference/language.md", "| style | what changes in SUMO's models | effect |"): styles,
+    ("start/install.md", "| extra | what it adds |"): extras,
+}
+"""All names that the first column with code in a table has, by the table's page and first line."""
+
+
+@pytest.mark.parametrize(("page", "header"), NAMED)
+def test_a_table_has_a_row_for_each_thing_that_the_code_has(page: str, header: str) -> None:
+    rows = cells_of(rows_of(page, header))
+    column = next((k for k, cell in enumerate(rows[0]) if "`" in cell), 0)
+    names = [name for row in rows for name in re.findall("`([^`]+)`", row[column]) or [row[column]]]
+    assert sorted(names) == sorted(NAMED[page, header]())
+
+
+# ---- settings -------------------------------------------------------------------------------------------------------
+
+_TABLE = re.compile(r"Settings of ((?:`[\w.]+`(?:, | and )?)+):\n\n\| setting[^\n]*\n\| ---[^\n]*\n((?:\|[^\n]*\n)+)")
+_SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit in UNITS.items()}}
+
+
+def tables() -> list[tuple[tuple[str, ...], dict[str, list[str]]]]:
+    """Every table of settings: what it is about, and its rows' cells by their first."""
+    found = []
+    for names, rows in _TABLE.findall("".join(page.read_text(encoding="utf-8") for page in PAGES)):
+        by_setting = {row[0].strip("`"): row[1:] for row in cells_of(rows)}
+        found.append((tuple(re.findall(r"`([\w.]+)`", names)), by_setting))
+    return found
+
+
+def resolved(name: str) -> Any:
+    """Return what a dotted name stands for: a module, a class's defaults, or an object."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        module, _, attribute = name.rpartition(".")
+        found = getattr(importlib.import_module(module), attribute)
+        return found() if isinstance(found, type) else found
+
+
+def written(cell: str) -> Any:
+    """Return a cell's value in SI: a number with its unit, a quoted word, several of either, or None."""
+    if cell == "none":
+        return None
+    if "; " in cell:
+        return tuple(written(part) for part in cell.split("; "))
+    if "`" in cell:
+        return cell.strip("`")
+    number, _, unit = cell.partition(" ")
+    return float(number) * (_SCALE[unit] if unit else 1.0)
+
+
+def in_code(owner: Any, path: str) -> Any:
+    for part in path.split("."):
+        owner = getattr(owner, part)
+    return None if owner in ((), "") else owner
+
+
+def same(said: Any, value: Any) -> bool:
+    if isinstance(value, tuple) and all(isinstance(part, str) for part in value):
+        return bool(said == "+".join(value))
+    if isinstance(value, tuple):
+        said = said if isinstance(said, tuple) else (said,)
+        return len(said) == len(value) and all(map(same, said, value))
+    if isinstance(value, (int, float)):
+        return isinstance(said, float) and math.isclose(said, value, rel_tol=1e-4, abs_tol=1e-12)
+    return bool(said == value)
+
+
+TABLES = tables()
+
+
+@pytest.mark.parametrize(("names", "rows"), TABLES, ids=[", ".join(names) for names, _ in TABLES])
+def test_tables_say_what_the_code_says(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
+    for column, name in enumerate(names):
+        owner = resolved(name)
+        wrong = {
+            setting: f"the page says {cells[column]}, the code {in_code(owner, setting)}"
+            for setting, cells in rows.items()
+            if not same(written(cells[column]), in_code(owner, setting))
+        }
+        assert not wrong, f"{name}: {wrong}"
+
+
+@pytest.mark.parametrize(("names", "rows"), TABLES, ids=[", ".join(names) for names, _ in TABLES])
+def test_tables_are_complete(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
+    for name in names:
+        missing = set(settings_of(resolved(name))) - set(rows)
+        assert not missing, f"no page says nothing of {sorted(missing)} of {name}"
+
+
+def settings_of(owner: Any) -> list[str]:
+    """Return the names of all settings: a dataclass's fields (with those of its parts), a module's own numbers."""
+    if not is_dataclass(owner):
+        source = Path(owner.__file__).read_text(encoding="utf-8")
+        groups = re.findall(r"^([A-Z][A-Z0-9_]*(?:, [A-Z][A-Z0-9_]*)*)(?:: [^=\n]+)? = ", source, re.M)
+        own = [name for group in groups for name in group.split(", ")]
+        return [name for name in own if isinstance(getattr(owner, name), (int, float))]
+    names = []
+    for field in fields(owner):
+        value = getattr(owner, field.name)
+        names += [f"{field.name}.{part}" for part in settings_of(value)] if is_dataclass(value) else [field.name]
+    return names
+
+
+def test_every_stage_has_its_table() -> None:
+    described = {name for names, _ in TABLES for name in names}
+    assert described >= {
+        "foresee_dsl.campaign.settings.CampaignSettings",
+        "foresee_dsl.forecast.settings.ForeseeSettings",
+        "foresee_dsl.derive.presets.PAPER",
+        "foresee_dsl.derive.presets.FOCUSED",
+        "foresee_dsl.simulate.results.outcome",
+        "foresee_dsl.kernels.constants",
+        "foresee_dsl.simulate.actors.bend_speeds",
+        "foresee_dsl.simulate.actors.target_selection",
+        "foresee_dsl.simulate.results.near_misses",
+        "foresee_dsl.simulate.actors.lane_recovery",
+        "foresee_dsl.simulate.actors.lane_recovery.RecoverySettings",
+        "foresee_dsl.simulate.runner",
+        "foresee_dsl.simulate.sensing.IDEAL",
+        "foresee_dsl.simulate.sensing.STANDARD",
+        "foresee_dsl.simulate.mission",
+        "foresee_dsl.simulate.sensing.weather",
+    }
+
+
+def test_the_library_is_listed_file_by_file(scenarios: Path) -> None:
+    page = (DOCS / "reference" / "library.md").read_text(encoding="utf-8")
+    listed = {name: int(count) for name, count in re.findall(r"^\| `(scenario[\w/]+)` \| (\d+) \|", page, re.M)}
+    files = [*scenarios.glob("scenario*/*.foresee"), *scenarios.glob("scenario*.foresee")]
+    assert listed == {str(f.relative_to(scenarios).with_suffix("")): len(load_test_cases([f])) for f in files}
+    for family, count in re.findall(r"^## Family (\d): (\d+) cases$", page, re.M):
+        assert sum(n for name, n in listed.items() if name.startswith(f"scenario{family}")) == int(count)
+    assert f"{sum(listed.values())} test cases" in page
