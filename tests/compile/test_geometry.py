@@ -12,7 +12,7 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.walkways import walkways
+from foresee_dsl.compile.roads.walkways import Walkways, walkways
 from foresee_dsl.errors import CompileError
 from foresee_dsl.helps import Help
 from foresee_dsl.language.model import EdgeRoute, Leg, Route
@@ -247,3 +247,14 @@ def way_between(road, first, last):
         begin, lead = movement.to_edge, (movement.from_edge,)
     end = next(m.to_edge for m in road.movements if last.id in m.via) if last.internal else last.edge
     return (*lead, *road.shortest_route(begin, end))
+
+
+def test_a_footway_leads_on_across_a_walking_area() -> None:
+    area = ("area", -1)
+    ways = Walkways(
+        {"a": ((0.0, 0.0), (9.0, 0.0)), "b": ((9.0, 1.0), (9.0, 9.0))}, {}, ((("a", 1), area), (area, ("b", 0)))
+    )
+    assert ways.neighbours[area] == {("a", 1): None, ("b", 0): None}
+    assert ways._onward(("a", 1)) == [("b", 0)]
+    walk = ways.walk((2.0, -1.0), 30.0, np.random.default_rng(2))
+    assert walk is not None and {(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)} <= set(walk.points)  # from end to end

@@ -21,7 +21,6 @@ from foresee_dsl.compile.roads.polyline import (
 from foresee_dsl.compile.roads.topology import Crossing, Topology
 
 if TYPE_CHECKING:
-    import networkx as nx
     import numpy as np
 
 ON_CROSSING_M = 0.05
@@ -70,16 +69,17 @@ class Walkways:
     joints: tuple[tuple[_End, _End], ...]
 
     @cached_property
-    def graph(self) -> nx.Graph[_End]:
-        """The graph: nodes are ends of footways and walking areas; edges with the attribute `way` are footways, the
-        others connect nodes that touch."""
-        import networkx as nx  # imported here: the import is slow, and only background traffic needs it
+    def neighbours(self) -> dict[_End, dict[_End, None]]:
+        """The nodes beside each node, in the net's order: nodes are ends of footways and walking areas, and those of a
+        footway, or that touch, are beside each other.
 
-        graph: nx.Graph[_End] = nx.Graph()
-        for way in self.shapes:
-            graph.add_edge((way, 0), (way, 1), way=way)
-        graph.add_edges_from(self.joints)
-        return graph
+        Plain dictionaries, because the import of networkx takes longer than the walks.
+        """
+        nodes: dict[_End, dict[_End, None]] = {}
+        for one_end, other_end in (*(((way, 0), (way, 1)) for way in self.shapes), *self.joints):
+            nodes.setdefault(one_end, {})[other_end] = None
+            nodes.setdefault(other_end, {})[one_end] = None
+        return nodes
 
     @property
     def sidewalks(self) -> tuple[str, ...]:
@@ -142,9 +142,9 @@ class Walkways:
     def _onward(self, end: _End) -> list[_End]:
         """Return the ends of other footways that are connected to an end, directly or across a walking area."""
         ends: list[_End] = []
-        for node in self.graph.adj[end]:
+        for node in self.neighbours[end]:
             if node[1] < 0:  # the end touches a walking area
-                ends += [other for other in self.graph.adj[node] if other != end and other[1] >= 0]
+                ends += [other for other in self.neighbours[node] if other != end and other[1] >= 0]
             elif node[0] != end[0]:
                 ends.append(node)
         return ends
