@@ -96,6 +96,13 @@ def changeable_in_clips() -> set[str]:
     return {f"ACTOR.{name}" for name in PROPERTIES} | {f"{owner}.{name}" for owner, names in owners for name in names}
 
 
+def environment_variables() -> set[str]:
+    modules = (path for path in (ROOT / "foresee_dsl").rglob("*.py"))
+    names = {name for module in modules for name in re.findall(r"\bFORESEE_[A-Z_]+\b", module.read_text("utf-8"))}
+    names |= {"FORESEE_WEIGHTS"}  # that of the learned drivers, which are plug-ins
+    return names
+
+
 def styles() -> set[str]:
     return {*PROPERTIES["style"].words} - {USUAL}
 
@@ -114,6 +121,7 @@ NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
     ("background/rankers.md", "| behaviour | `operator` in a mutant | the change | which actors |"): NAMES.values,
     ("reference/language.md", "| style | what changes in SUMO's models | effect |"): styles,
     ("start/install.md", "| extra | what it adds |"): extras,
+    ("start/install.md", "| environment variable | meaning |"): environment_variables,
 }
 """All names that the first column with code in a table has, by the table's page and first line."""
 
