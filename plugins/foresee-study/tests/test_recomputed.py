@@ -158,17 +158,17 @@ def test_where_the_collisions_of_the_exhaustive_search_lie(study: Study) -> None
         driver, _, rest = row["part"].partition(", clips of ")
         clip_s = float(rest.removesuffix(" s"))
         (searched,) = study.of(driver, "exhaustive", clip_s)
-        every = near = 0
+        places: Counter[str] = Counter()
         for own in study.of(driver, "foresee", clip_s):
             moments = {c["name"]: [clip["at_s"] for clip in c["clips"]] for c in own["cases"] if c["verdict"] == "pass"}
             for name, clip in clips(searched):
                 at_s = clip["at_s"] if clip.get("at_s") is not None else math.ceil(clip_s / 2) + clip["position"]
-                collisions = count(clip["children"], "collisions") if name in moments else 0
-                every += collisions
-                distance = min((abs(at_s - moment) for moment in moments.get(name, ())), default=math.inf)
-                near += collisions * (distance <= 0.5)
-        if row["seconds"] == "at a moment that foresee studies":
-            row.states("collisions, %", 100 * Fraction(near, every))
+                after_s = min((at_s - moment for moment in moments.get(name, ())), key=abs, default=math.inf)
+                half = "later" if after_s > 0 else "earlier"
+                away = "at a moment" if abs(after_s) <= 0.5 else half if abs(after_s) <= clip_s / 2 else "farther"
+                places[away] += count(clip["children"], "collisions") if name in moments else 0
+        (place,) = (place for place in places if place in row["seconds"])
+        row.states("collisions, %", 100 * Fraction(places[place], places.total()))
 
 
 def seconds_of(campaign: Campaign) -> float:
