@@ -120,6 +120,18 @@ def test_sentences_say_direction_and_whose_rate_makes_the_difference() -> None:
     assert rows_of(beside(own, "rq2"))[0]["fusion_safe, paper"] == "186.69"
 
 
+def test_the_interval_of_an_area_is_over_seeds_too() -> None:
+    own, other = made("foresee", 6), made("random", 3)
+    (once, _), (twice, _) = (
+        compared_areas(*([replace(m, repetition=k, seed=k) for k in range(count)] for m in (own, other)))
+        for count in (1, 2)
+    )
+    assert twice.interval == pytest.approx(once.interval, nan_ok=True), "copies are no evidence"
+    unlucky = replace(made("foresee", 0), repetition=1, seed=1)
+    earlier, _ = compared_areas([own, unlucky], [other, replace(other, repetition=1, seed=1)])
+    assert earlier.ratio > 0 and earlier.interval.low == 0, "one draw in four has the unlucky seed alone"
+
+
 def test_a_share_of_drivefuzzs_is_put_beside_the_papers_only_with_its_budget() -> None:
     campaigns = (made("foresee", 4), replace(made("foresee", 4), seed=SECOND_ITERATION))
     for cycles, said in (
