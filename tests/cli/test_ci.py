@@ -16,13 +16,12 @@ import pytest
 
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, ReportPlace
 from foresee_dsl.report.builds.junit import to_junit
+from tests.support.command import quick_path
 from tests.support.first_project import FOUND, checked, foresee, sarif_schema
 
 etree = pytest.importorskip("lxml.etree", reason="lxml checks JUnit XML against a schema")
 yaml = pytest.importorskip("yaml", reason="PyYAML reads the files of build servers")
 
-BIN = Path(sys.executable).parent
-PATH = f"{BIN}{os.pathsep}{os.environ['PATH']}"
 CHILDREN = Path("out/children/main_street")
 
 
@@ -52,7 +51,7 @@ def _inside(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def ran(*command: str | Path, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a program, with this environment's programs on its path."""
-    settings = {**os.environ, "PATH": PATH, **environment}
+    settings = {**os.environ, "PATH": quick_path(), **environment}
     return subprocess.run([*map(str, command)], cwd=cwd, capture_output=True, text=True, check=False, env=settings)
 
 
