@@ -242,7 +242,7 @@ def test_pytest_and_verify_run_the_same_tests_of_a_kept_suite_and_exit_alike(tmp
         verified = foresee("verify", suite, *(("--driver", driver) if driver != "recorded" else ()), "--jobs", "2",
                            "--json", expect=None)  # fmt: skip
         tests = checked(verified.stdout)["tests"]
-        done = run_pytest(suite, "--foresee-driver", driver, "-rA", "-n", "2")
+        done = run_pytest(suite, "--foresee-driver", driver, "-rA")
         assert done.returncode == verified.exit_code, (driver, done.stdout, verified.stdout)
         ran_by_pytest = {*re.findall(r"^(?:PASSED|FAILED) \S*?(\w+)\.foresee::", done.stdout, re.MULTILINE)}
         assert ran_by_pytest == {Path(test["file"]).stem for test in tests}, done.stdout
