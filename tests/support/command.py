@@ -71,7 +71,10 @@ def _write_programs(folder: Path) -> None:
 
 
 def program() -> Path:
-    """Return the program `foresee` that is forked from the server; a process gets it as it would get the real one."""
+    """Return the program `foresee` that is forked from the server, for `subprocess`.
+
+    Signals reach only the program that waits for the fork: tests that send some start the real one, `FORESEE`.
+    """
     return Path(_address()).with_name("bin") / "foresee"
 
 
@@ -79,7 +82,7 @@ def fork_interpreters() -> None:
     """Let `multiprocessing` fork the interpreters of this process from the server: fork servers and workers.
 
     They begin without what drivers did to this process, as real ones do, but have the server's seed for the hashes of
-    strings.
+    strings (`foresee` has `fresh` for that).
     """
     multiprocessing.set_executable(str(Path(_address()).with_name("python")))
 
