@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import os
 from collections.abc import Iterator
@@ -88,19 +87,6 @@ do."""
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the files with the longest tests first."""
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(collector: pytest.Collector) -> Iterator[None]:
-    """Let one worker at a time read a file of tests: the first stores it with its assertions rewritten, in a cache.
-
-    Where no file was in the cache, four workers rewrote each four times: 52 s of CPU instead of 13.
-    """
-    if not isinstance(collector, pytest.Module):
-        return (yield)
-    with collector.path.open() as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        return (yield)
 
 
 def pytest_collection_finish() -> None:
