@@ -232,8 +232,8 @@ class _CampaignRun:
             self._visit(nodes)
         self._begin_rounds()
         if self._executor is not None:
-            for update in self._executor.updates(self._stop):
-                self._handle(update)
+            for updates in self._executor.updates(self._stop):
+                self._handle(updates)
                 self._begin_rounds()
 
     def _changed_meanwhile(self) -> list[StepNode]:
@@ -308,10 +308,18 @@ class _CampaignRun:
         apart = (int(turn > _AWAITED_TURN), 0) if self._rounds else (0, node.step.rank)
         self._executor.add([task], (int(turn > 0), *apart, turn))
 
-    def _handle(self, update: Update) -> None:
-        if isinstance(update.value, TaskPart):
-            self._add(_row(update.value.value), update.value.value.trace)
-            return
+    def _handle(self, updates: Sequence[Update]) -> None:
+        """Store all results that have arrived, then report them and begin what follows from them."""
+        results: list[StepResult] = [update.value.value for update in updates if isinstance(update.value, TaskPart)]
+        rows = iter(self._store.add_all((_row(result), result.trace) for result in results))
+        for update in updates:
+            if isinstance(update.value, TaskPart):
+                self._go_on(next(rows))
+            else:
+                self._end(update)
+
+    def _end(self, update: Update) -> None:
+        """Handle the end of a task."""
         node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
         self._expected.subtract(keys)
@@ -322,7 +330,7 @@ class _CampaignRun:
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
             row = _broken_row(node, update.value) if key == node.step.key else None
             if row is not None:
-                self._add(row, None)
+                self._go_on(self._store.add(row))
             else:
                 self._end_waiting(key)
                 self._broken.append(f"{node.step.kind} {update.task.name}: {update.value.reason}")
@@ -345,8 +353,8 @@ class _CampaignRun:
         self._hand_out(read)
         return True
 
-    def _add(self, row: Row, trace: bytes | None) -> None:
-        row = self._store.add(row, trace)
+    def _go_on(self, row: Row) -> None:
+        """Report a stored result, and begin the steps that follow from it."""
         for k, node in enumerate(self._end_waiting(row.key)):
             self._tell(row, new=k == 0)
             self._visit((*self._then.pop(row.key, ()), *self._stages.after(node, row)))
