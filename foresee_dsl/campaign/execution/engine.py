@@ -185,6 +185,8 @@ class _CampaignRun:
         """The steps that wait for the result of a running task, by key."""
         self._expected: Counter[str] = Counter()
         """Number of running tasks that may give a result, by the result's key."""
+        self._unreported: set[str] = set()
+        """Keys of the results that have arrived together with the present one and are reported after it."""
         self._broken: list[str] = []
         self._begun_again: set[str] = set()
         """Keys of the steps that failed because their input had changed on the disk."""
@@ -271,7 +273,7 @@ class _CampaignRun:
             node = ahead.pop()
             for listener in self._listeners:
                 listener.planned(node.step.kind, 1)
-            row = self._stages.row(node)
+            row = None if node.step.key in self._unreported else self._stages.row(node)
             if row is not None and self._stages.has_more_time(node, row, self._options.limits):
                 self._store.drop(row.key)
                 row = None
@@ -311,10 +313,12 @@ class _CampaignRun:
     def _handle(self, updates: Sequence[Update]) -> None:
         """Store all results that have arrived, then report them and begin what follows from them."""
         results: list[StepResult] = [update.value.value for update in updates if isinstance(update.value, TaskPart)]
-        rows = iter(self._store.add_all((_row(result), result.trace) for result in results))
+        rows = self._store.add_all((_row(result), result.trace) for result in results)
+        self._unreported = {row.key for row in rows}
+        following = iter(rows)
         for update in updates:
             if isinstance(update.value, TaskPart):
-                self._go_on(next(rows))
+                self._go_on(next(following))
             else:
                 self._end(update)
 
@@ -355,6 +359,7 @@ class _CampaignRun:
 
     def _go_on(self, row: Row) -> None:
         """Report a stored result, and begin the steps that follow from it."""
+        self._unreported.discard(row.key)
         for k, node in enumerate(self._end_waiting(row.key)):
             self._tell(row, new=k == 0)
             self._visit((*self._then.pop(row.key, ()), *self._stages.after(node, row)))
