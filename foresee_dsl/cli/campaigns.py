@@ -34,7 +34,6 @@ from foresee_dsl.cli.options.common import (
     JsonOption,
     SeedOption,
     console,
-    give,
     json_document,
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
@@ -397,10 +396,10 @@ def plan(
         if others:
             screen.print(of_other_versions(folder, others))
 
-    if format == "dot":
-        give("".join(f"{campaign_plan.as_dot()}\n" for campaign_plan in plans))
-    else:
-        report_results(format, CommandReport("plan", data), people=people)
+    def dot() -> str:
+        return "".join(f"{campaign_plan.as_dot()}\n" for campaign_plan in plans)
+
+    report_results(format, CommandReport("plan", data, forms={"dot": dot}), people=people)
 
 
 def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> None:

@@ -10,7 +10,7 @@ from itertools import pairwise
 from foresee_dsl.errors import MessageText, subject
 from foresee_dsl.helps import HelpText, in_block, leave_out, one_of, remove, rename, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.streets import layout
@@ -40,7 +40,7 @@ Ramp = m.OnRamp | m.OffRamp
 
 
 def check_touching(
-    findings: Findings, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
+    collector: Collector, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
 ) -> None:
     """Report names that do not belong to a road at a junction; `named` holds (item, field, name) for each use."""
     ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
@@ -51,14 +51,14 @@ def check_touching(
             exists = any(name == other for other, *_ in ends)
             touches_not = "road '" + subject(name) + f"' does not touch '{junction}'"
             message = touches_not if exists else "unknown road '" + subject(name) + "'"
-            findings.add(item, field, "FS041", message, did_you_mean(name, touching))
+            collector.add(item, field, "FS041", message, did_you_mean(name, touching))
 
 
 class Streets:
     """Checks all statements of a network except its junctions, roads and buildings."""
 
-    def __init__(self, findings: Findings, network: m.Network, junctions: Sequence[str]) -> None:
-        self._findings, self._network, self._junctions = findings, network, junctions
+    def __init__(self, collector: Collector, network: m.Network, junctions: Sequence[str]) -> None:
+        self._collector, self._network, self._junctions = collector, network, junctions
         self._rings = layout.rings_of(network)
         self._edges = {edge.id: edge for edge in layout.directed(network, self._rings)}
         self._ramps = [item.name for item in network.body if isinstance(item, Ramp)]
@@ -95,13 +95,13 @@ class Streets:
 
     def _add(self, item: m.Item, field: str, message: MessageText, help: HelpText, code: str = "FS270") -> None:
         self._placed = False
-        self._findings.add(item, field, code, message, help)
+        self._collector.add(item, field, code, message, help)
 
     # ---- roundabouts ------------------------------------------------------------------------------------------------
 
     def _roundabout(self, item: m.Roundabout, ring: Ring) -> None:
         named = [(item, f"crossings.{k}", name) for k, name in enumerate(item.crossings or ())]
-        check_touching(self._findings, item.name, named, self._network)
+        check_touching(self._collector, item.name, named, self._network)
         if len(ring.arms) < 2:
             roads = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
             help: HelpText = (
@@ -209,7 +209,7 @@ class Streets:
     def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
         if item.junction not in self._junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._findings.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
+            self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
             self._placed = False
         edge = self._edges.get(item.edge)
         if edge is None:
@@ -303,14 +303,14 @@ class Streets:
                     f"{abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
                 )
                 free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
-                self._findings.add(
+                self._collector.add(
                     late, "at", "FS270", message, "leave room between them, for example with " + write(f"{free:g} m")
                 )
                 return
             if isinstance(item, Ramp):
                 if not cut.last and open_ramp is not None:
                     message = f"its extra lane overlaps that of {_called(open_ramp.item)}"
-                    self._findings.add(
+                    self._collector.add(
                         item,
                         "at",
                         "FS270",
@@ -323,7 +323,7 @@ class Streets:
                 if open_ramp is not None:
                     help = "move the end of the lane before or behind the ramp's extra lane, or " + remove("remove it")
                     message = f"a lane ends beside the extra lane of {_called(open_ramp.item)}"
-                    self._findings.add(item, "at", "FS270", message, help)
+                    self._collector.add(item, "at", "FS270", message, help)
                     return
                 count, lane = last - first + 1, round(number(item.lane))
                 if count < 2 or lane not in (1, count):
@@ -334,7 +334,7 @@ class Streets:
                     )
                     lanes = f"{count} lanes" if count > 1 else "one lane"
                     message = f"lane {lane} of '{edge.id}' cannot end there: the road has {lanes} at that place"
-                    self._findings.add(item, "lane", "FS270", message, some)
+                    self._collector.add(item, "lane", "FS270", message, some)
                     return
                 first, last = (first + 1, last) if lane == 1 else (first, last - 1)
 
@@ -353,7 +353,7 @@ class Streets:
                     where = f"the bay of {_called(bay)}" if late is other else "this bay"
                     message = f"{_called(other)} is inside or too close to {where}, {reach}"
                     apart = f"leave {APART_M:g} m between the two, or "
-                    self._findings.add(late, "at", "FS270", message, apart + remove("remove one"))
+                    self._collector.add(late, "at", "FS270", message, apart + remove("remove one"))
                     return True
         return False
 
@@ -376,13 +376,13 @@ class Streets:
                 if count > 1
                 else "its number is " + write("1")
             )
-            self._findings.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
+            self._collector.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
         exits = self._exits(edge)
         for k, turn in enumerate(item.turns):
             if exits and turn not in exits.values() and edge.end in self._plain_junctions:
                 message = f"no way leads {turn} from '{item.edge}' over '{edge.end}'"
                 turns = one_of(dict.fromkeys(exits.values()), " or ")
-                self._findings.add(item, f"turns.{k}", "FS270", message, "from there, ways lead " + turns)
+                self._collector.add(item, f"turns.{k}", "FS270", message, "from there, ways lead " + turns)
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
@@ -398,22 +398,22 @@ class Streets:
                 + write(part)
                 + " is one of its junctions"
             )
-            self._findings.add(
+            self._collector.add(
                 item, "junction", "FS270", f"'{item.junction}' is a roundabout, where `forbid` has no meaning", help
             )
             return
         if item.junction not in self._plain_junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._findings.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
+            self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
             return
         named: list[tuple[m.Item, str, str]] = [(item, f"roads.{k}", name) for k, name in enumerate(item.roads)]
-        check_touching(self._findings, item.junction, named, self._network)
+        check_touching(self._collector, item.junction, named, self._network)
         for k, road in enumerate(item.roads):
             edge = self._into(road, item.junction)
             ways = [e for e in (self._edges.get(road), self._edges.get(road + BACK)) if e is not None]
             if edge is None and ways and all(item.junction == e.start for e in ways):
                 message = f"no vehicle comes from '{road}' to '{item.junction}': the road only leads away from there"
-                self._findings.add(item, f"roads.{k}", "FS270", message, remove("leave it out"))
+                self._collector.add(item, f"roads.{k}", "FS270", message, remove("leave it out"))
 
     def _into(self, road: str, junction: str) -> Directed | None:
         ways = (self._edges.get(road), self._edges.get(road + BACK))
@@ -447,10 +447,10 @@ class Streets:
                 if ways and not ways - {item.turn}:
                     message = f"this bans the last way from '{road}' over '{item.junction}'"
                     help = remove("remove it") + f", so that {item.turn} stays allowed, or make '{road}' one-way"
-                    self._findings.add(item, f"roads.{k}", "FS270", message, help)
+                    self._collector.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"no way leads {item.turn} from '{road}' over '{item.junction}' anyway"
-                    self._findings.add(
+                    self._collector.add(
                         item, "turn", "FS270", message, "from there, ways lead " + one_of(sorted(ways), " or ")
                     )
                 ways.discard(item.turn)
@@ -464,7 +464,7 @@ class Streets:
                 key = (item.kind, item.edge, number(item.lane))
                 if key in seen:
                     message = f"lane {number(item.lane):g} of '{item.edge}' has two statements of this kind"
-                    self._findings.add(item, "lane", "FS013", message, remove("keep one of the two"))
+                    self._collector.add(item, "lane", "FS013", message, remove("keep one of the two"))
                 seen.add(key)
 
     def _derived_names(self) -> None:
@@ -479,7 +479,7 @@ class Streets:
         for item in self._network.body:
             if isinstance(item, NamedJunction) and item.name in parts:
                 message = f"'{item.name}' is also the name of a junction of {_called(parts[item.name])}"
-                self._findings.add(item, "name", "FS030", message, rename("give it another name"))
+                self._collector.add(item, "name", "FS030", message, rename("give it another name"))
 
 
 def _called(item: m.Item) -> str:
