@@ -105,7 +105,7 @@ def study(
     fuzzing: Annotated[
         str,
         typer.Option(metavar="R,C,M", help="For rq4, DriveFuzz: R repetitions, C cycles, M mutations per cycle."),
-    ] = "1,10,8",
+    ] = "1,1,1",
     searches: Annotated[
         str | None,
         typer.Option(metavar="NAMES", help="For search: the searches, separated by commas; by default all."),
