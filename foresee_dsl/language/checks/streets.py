@@ -10,18 +10,16 @@ from itertools import pairwise
 from foresee_dsl.errors import MessageText, subject
 from foresee_dsl.helps import HelpText, in_block, leave_out, one_of, remove, rename, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.checks.overlaps import called, check_overlaps
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.streets import layout
-from foresee_dsl.language.streets.layout import BACK, Cut, Directed, Ring, lanes_of
+from foresee_dsl.language.streets.layout import BACK, Directed, Ring, lanes_of
 from foresee_dsl.language.streets.lines import at, number, wrapped, xy
 
 FROM_END_M = 15.0
 """Minimum distance of an object from the ends of its road, m (ours: the junctions of wide roads reach 12 m)."""
-APART_M = 3.0
-"""Minimum distance between two objects on one edge, m. Each object cuts the edge into pieces (ours: the joint of two
-pieces is 1 m long)."""
 ISLAND_END_M = 30.0
 """Minimum distance of a zebra crossing with an island from the road's ends, m: the length of the island's tapers, and
 half the width of the crossing."""
@@ -89,9 +87,7 @@ class Streets:
         self._forbidden_ways()
         self._twice()
         if self._placed:
-            for edge in self._edges.values():
-                if not self._in_a_bay(edge):
-                    self._along(edge)
+            check_overlaps(self._collector, self._edges.values(), self._network.body)
 
     def _add(self, item: m.Item, field: str, message: MessageText, help: HelpText, code: str = "FS270") -> None:
         self._placed = False
@@ -287,79 +283,6 @@ class Streets:
                 help = "a ramp joins or leaves a road: add " + write("road a1 from a to b { lanes 2; speed 130 km/h }")
         self._add(item, field, message, help, "FS041")
 
-    def _along(self, edge: Directed) -> None:
-        """Report objects of one edge that overlap, and lanes that do not exist."""
-        first, last = 1, lanes_of(edge.road)[1 if edge.back else 0]
-        open_ramp: Cut | None = None
-        for k, cut in enumerate(edge.cuts):
-            item = cut.item
-            if k and item is not edge.cuts[k - 1].item and self._gap(edge.cuts[k - 1], cut) < 0:
-                other = edge.cuts[k - 1].item
-                late = max(item, other, key=self._network.body.index)
-                early = other if late is item else item
-                apart = APART_M + _half(early) + _half(late)
-                message = (
-                    f"this is too close to {_called(early)}: the two are "
-                    f"{abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
-                )
-                free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
-                self._collector.add(
-                    late, "at", "FS270", message, "leave room between them, for example with " + write(f"{free:g} m")
-                )
-                return
-            if isinstance(item, Ramp):
-                if not cut.last and open_ramp is not None:
-                    message = f"its extra lane overlaps that of {_called(open_ramp.item)}"
-                    self._collector.add(
-                        item,
-                        "at",
-                        "FS270",
-                        message,
-                        "move one, so that it ends before the other begins, or " + remove("remove one"),
-                    )
-                    return
-                open_ramp = None if cut.last else cut
-            elif isinstance(item, m.LaneEnd):
-                if open_ramp is not None:
-                    help = "move the end of the lane before or behind the ramp's extra lane, or " + remove("remove it")
-                    message = f"a lane ends beside the extra lane of {_called(open_ramp.item)}"
-                    self._collector.add(item, "at", "FS270", message, help)
-                    return
-                count, lane = last - first + 1, round(number(item.lane))
-                if count < 2 or lane not in (1, count):
-                    some = (
-                        "only an outer lane can end: " + write("1") + " (the rightmost) or " + write(f"{count}")
-                        if count > 1
-                        else "the only lane cannot end: " + remove("remove this")
-                    )
-                    lanes = f"{count} lanes" if count > 1 else "one lane"
-                    message = f"lane {lane} of '{edge.id}' cannot end there: the road has {lanes} at that place"
-                    self._collector.add(item, "lane", "FS270", message, some)
-                    return
-                first, last = (first + 1, last) if lane == 1 else (first, last - 1)
-
-    def _in_a_bay(self, edge: Directed) -> bool:
-        """Report an object in the bay of a bus stop, or right beside it; return whether there is one."""
-        spans: list[tuple[m.Item, float, float]] = []
-        for item in dict.fromkeys(cut.item for cut in edge.cuts):
-            at = [cut.at_m for cut in edge.cuts if cut.item == item]
-            spans.append((item, at[0] - _half(item), at[-1] + _half(item)))
-        for bay, begin_m, end_m in spans:
-            for other, first_m, last_m in spans:
-                near = other is not bay and first_m < end_m + APART_M and last_m > begin_m - APART_M
-                if isinstance(bay, m.BusStop) and near:
-                    late = max(bay, other, key=self._network.body.index)
-                    reach = f"which reaches from {begin_m:g} m to {end_m:g} m of '{edge.id}'"
-                    where = f"the bay of {_called(bay)}" if late is other else "this bay"
-                    message = f"{_called(other)} is inside or too close to {where}, {reach}"
-                    apart = f"leave {APART_M:g} m between the two, or "
-                    self._collector.add(late, "at", "FS270", message, apart + remove("remove one"))
-                    return True
-        return False
-
-    def _gap(self, first: Cut, second: Cut) -> float:
-        return second.at_m - first.at_m - APART_M - _half(first.item) - _half(second.item)
-
     # ---- rules of turns ---------------------------------------------------------------------------------------------
 
     def _lane_turns(self, item: m.LaneTurns) -> None:
@@ -478,24 +401,14 @@ class Streets:
         }
         for item in self._network.body:
             if isinstance(item, NamedJunction) and item.name in parts:
-                message = f"'{item.name}' is also the name of a junction of {_called(parts[item.name])}"
+                message = f"'{item.name}' is also the name of a junction of {called(parts[item.name])}"
                 self._collector.add(item, "name", "FS030", message, rename("give it another name"))
-
-
-def _called(item: m.Item) -> str:
-    name = getattr(item, "name", "")
-    return f"'{name}'" if name else f"the end of lane {number(getattr(item, 'lane', None)):g}"
 
 
 def _slower(speed: m.Quantity) -> str:
     """Return half a speed as text."""
     half = m.Quantity(value=(speed.value / 2).normalize(), unit=speed.unit)
     return written(half)
-
-
-def _half(item: m.Item) -> float:
-    """Return half the length that an object covers along its road, m."""
-    return number(item.width, 4.0) / 2 if isinstance(item, m.Zebra) else 0.0
 
 
 def _width(road: m.Road) -> float:

@@ -245,7 +245,7 @@ def _run(
     """
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
-    from foresee_dsl.cli.campaigns import StopSignal
+    from foresee_dsl.cli.options.stop_signal import StopSignal
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
     from foresee_dsl.report.terminal.live import progress
