@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+from tests.support.command import quick_path
+
 yaml = pytest.importorskip("yaml", reason="PyYAML reads the workflow that the build server runs")
 
-BIN = Path(sys.executable).parent
 DRIVER = '''"""The team's driver: PDM, and a brake of its own for people on foot."""
 
 import math
@@ -59,7 +59,7 @@ class Team:
         self.folder = folder
         self.environment = {
             **os.environ,
-            "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}",
+            "PATH": quick_path(),
             "PYTHONPATH": str(folder / "driver"),
             "COLUMNS": "200",
         }

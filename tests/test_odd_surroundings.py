@@ -12,6 +12,7 @@ import pytest
 
 from foresee_dsl.drivers import registry
 from foresee_dsl.errors import DriverError
+from tests.support.command import program
 
 FORESEE = Path(sys.executable).parent / "foresee"
 SCENE = Path(__file__).parent.parent / "scenarios" / "scenario1.foresee"
@@ -19,7 +20,7 @@ SCENE = Path(__file__).parent.parent / "scenarios" / "scenario1.foresee"
 
 def foresee(folder: Path, *words: str, **settings: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, **settings}
-    return subprocess.run([FORESEE, *words], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run([program(), *words], cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize("form", ["full", "concise", "json", "github", "sarif"])

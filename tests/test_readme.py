@@ -7,17 +7,17 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 from foresee_dsl.language.parser import parse
+from tests.support.command import foresee, quick_path
 
 
 def test_five_minutes_end_with_a_finding_that_is_kept(root: Path, tmp_path: Path) -> None:
     text = (root / "README.md").read_text(encoding="utf-8")
     commands = [line for block in re.findall(r"```sh\n(.*?)```", text, re.S) for line in block.splitlines() if line]
     assert commands[0] == ". .venv/bin/activate"
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    environment = {**os.environ, "PATH": quick_path()}
     folder, outputs = tmp_path, {}
     for command in commands[1:]:
         if command.startswith("cd "):
@@ -71,9 +71,7 @@ def test_the_first_scenario_of_the_readme(root: Path, tmp_path: Path) -> None:
     assert scenario
     (tmp_path / "first.foresee").write_text(scenario.group(1), encoding="utf-8")
     for command in ("fmt --check first.foresee", "check first.foresee", "run first.foresee"):
-        call = [sys.executable, "-c", "from foresee_dsl.cli import main; main()", *command.split()]
-        done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+        foresee(*command.split(), cwd=tmp_path)
 
 
 def test_the_mistake_that_is_shown_is_shown_so(root: Path, tmp_path: Path) -> None:
@@ -81,10 +79,7 @@ def test_the_mistake_that_is_shown_is_shown_so(root: Path, tmp_path: Path) -> No
     scenario, shown = (re.search(p, text, re.S) for p in (r"```foresee\n(.*?)```", r"```\n(first.foresee:.*?)```"))
     assert scenario and shown
     (tmp_path / "first.foresee").write_text(scenario[1].replace("speed 40 km/h", "speed 40 kmh"), encoding="utf-8")
-    command = [sys.executable, "-c", "from foresee_dsl.cli import main; main()", "check", "first.foresee"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert shown[1] in done.stderr
+    assert shown[1] in foresee("check", "first.foresee", cwd=tmp_path, expect=1).stderr
 
 
 def test_the_other_snippets_parse(root: Path) -> None:

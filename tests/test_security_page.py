@@ -5,16 +5,15 @@ from __future__ import annotations
 import gzip
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from foresee_dsl.compile.nets import safe_xml
 from foresee_dsl.errors import CompileError
+from tests.support.command import program
 
 ROOT = Path(__file__).parent.parent
-FORESEE = Path(sys.executable).parent / "foresee"
 
 
 def test_xml_has_at_most_so_many_bytes_elements_and_levels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,9 +39,9 @@ def test_what_programs_read_from_standard_output_is_the_files_text(tmp_path: Pat
     text = f"foresee 1\n\n# a\u202eb\u202c \x7f Größe\nscenario x {{\n  {ego}\n}}\n".encode()
     (tmp_path / "x.foresee").write_bytes(text)
     for command in (["fmt", "-"], ["textconv", "x.foresee"]):
-        done = subprocess.run([FORESEE, *command], cwd=tmp_path, input=text, capture_output=True, check=False)
+        done = subprocess.run([program(), *command], cwd=tmp_path, input=text, capture_output=True, check=False)
         assert "\u2066".encode() in done.stdout and b"\\u2066" not in done.stdout, command
-    assert subprocess.run([FORESEE, "fmt", "-"], input=text, capture_output=True, check=True).stdout == text
+    assert subprocess.run([program(), "fmt", "-"], input=text, capture_output=True, check=True).stdout == text
 
 
 def test_the_tests_that_the_page_names_are_there() -> None:

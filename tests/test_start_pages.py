@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.command import foresee, quick_path
+
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 FILE = re.compile(r"Save this as `([^`]+)`:\s*$")
 
@@ -25,8 +27,8 @@ def project(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def follow(root: Path, page: str, folder: Path) -> None:
     """Do what a page says; a block without a language right after commands is part of what they print."""
     text = (root / "docs" / f"{page}.md").read_text(encoding="utf-8")
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     author = {f"GIT_{who}_{what}": "a@b.c" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    environment = {**os.environ, **author, "PATH": quick_path(), "COLUMNS": "200"}
     printed = ""
     for block in BLOCK.finditer(text):
         language, content = block.groups()
@@ -39,9 +41,8 @@ def follow(root: Path, page: str, folder: Path) -> None:
                     folder /= command[3:]
                     continue
                 done = subprocess.run(
-                    command, shell=True, cwd=folder, env={**os.environ, **author, "PATH": path, "COLUMNS": "200"},
-                    capture_output=True, text=True, check=False,
-                )  # fmt: skip
+                    command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, check=False
+                )
                 assert done.returncode == 0, f"{page}: {command}\n{done.stdout}\n{done.stderr}"
                 printed += done.stdout
         elif not language and printed and "error FS" not in content and "foresee " not in content:
@@ -64,12 +65,10 @@ def test_the_first_scenario_and_its_mistake(root: Path, project: Path) -> None:
     file = project / "scenarios/cyclist.foresee"
     scenario = file.read_text(encoding="utf-8")
     file.write_text(scenario.replace("start speed 36 km/h", "start speed 36 kmh"), encoding="utf-8")
-    command = [sys.executable, "-m", "foresee_dsl", "check", "scenarios/cyclist.foresee"]
-    done = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    done = foresee("check", "scenarios/cyclist.foresee", cwd=project, expect=1)
     file.write_text(scenario, encoding="utf-8")
     text = (root / "docs/start/first-scenario.md").read_text(encoding="utf-8")
     (mistake,) = (content for _, content in BLOCK.findall(text) if "error FS" in content)
-    assert done.returncode == 1
     assert done.stderr.strip() == mistake.strip()
 
 

@@ -10,6 +10,7 @@ import sys
 import sysconfig
 import venv
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -95,9 +96,11 @@ def _take_machine_code(source: Path, installed: Path) -> None:
 
 def test_another_environment_runs_a_scenario_from_an_empty_folder(root: Path, wheel: Path, tmp_path: Path) -> None:
     home = tmp_path / "environment"
-    venv.create(home, with_pip=True)
+    here = find_spec("pip") is not None  # an environment that uv made has none
+    venv.create(home, with_pip=not here)
     python = home / "bin" / "python"
-    subprocess.run([python, "-m", "pip", "install", "--no-deps", "--quiet", wheel], check=True)
+    pip = [sys.executable, "-m", "pip", "--python", python] if here else [python, "-m", "pip"]
+    subprocess.run([*pip, "install", "--no-deps", "--quiet", wheel], check=True)
     # The libraries are borrowed from here, without our own checkout and the plug-ins beside it.
     borrowed = tmp_path / "borrowed"
     borrowed.mkdir()

@@ -18,7 +18,7 @@ from foresee_dsl.report.page.contents import contents_of
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.terminal.review import review_text
 from tests.support.command import foresee
-from tests.support.small_campaign import campaign, write_project
+from tests.support.small_campaign import finished, write_project
 
 Place = tuple[str | int, ...]
 
@@ -27,7 +27,7 @@ Place = tuple[str | int, ...]
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished campaign with one finding."""
     folder = tmp_path_factory.mktemp("changed")
-    campaign(write_project(folder / "project"), folder / "out")
+    finished(write_project(folder / "project"), folder / "out")
     return folder / "out"
 
 

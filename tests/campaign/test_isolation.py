@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.command import program
 from tests.support.plug_in import install, scenario
 
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -24,7 +25,7 @@ def environment(plug_in: Path) -> dict[str, str]:
 
 def run(plug_in: Path, *arguments: object, expect: int = 0) -> dict[str, Any]:
     done = subprocess.run(
-        [FORESEE, "campaign", *map(str, arguments), "--driver", "breaker", "--json"],
+        [program(), "campaign", *map(str, arguments), "--driver", "breaker", "--json"],
         capture_output=True,
         text=True,
         check=False,

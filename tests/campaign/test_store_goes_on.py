@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import time
 from collections.abc import Iterable
@@ -58,16 +59,24 @@ def test_a_run_that_took_too_long_runs_again_when_it_gets_more_time_and_not_befo
     assert published(out) == whole
 
 
-@pytest.fixture
-def older(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def left_by_older(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished campaign's folder, `out`, as version 0.0.9 would have left it, beside `project`."""
-    file = write_project(tmp_path / "project")
-    with monkeypatch.context() as earlier:
+    folder = tmp_path_factory.mktemp("older")
+    file = write_project(folder / "project")
+    with pytest.MonkeyPatch.context() as earlier:
         earlier.setattr(keys, "__version__", "0.0.9")
-        campaign(file, tmp_path / "out", options=RunOptions(jobs=2))
-    with sqlite3.connect(tmp_path / "out" / "store" / "runs.sqlite") as database:
+        campaign(file, folder / "out", options=RunOptions(jobs=2))
+    with sqlite3.connect(folder / "out" / "store" / "runs.sqlite") as database:
         database.execute("UPDATE runs SET tool = '0.0.9', sum = ''")
     database.close()
+    return folder
+
+
+@pytest.fixture
+def older(left_by_older: Path, tmp_path: Path) -> Path:
+    """The same, in a folder of the test's own."""
+    shutil.copytree(left_by_older, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 

@@ -29,7 +29,7 @@ from foresee_dsl.report.page.markdown import write_markdown
 from foresee_dsl.report.terminal.review import sureness_text
 from tests.support import command
 from tests.support.first_project import checked
-from tests.support.small_campaign import campaign, write_project
+from tests.support.small_campaign import finished, write_project
 
 
 def test_the_box_is_the_largest_rectangle_of_failures_around_a_run() -> None:
@@ -42,7 +42,7 @@ def test_the_box_is_the_largest_rectangle_of_failures_around_a_run() -> None:
 def test_a_finding_with_all_its_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_project(tmp_path)
     monkeypatch.chdir(tmp_path)
-    result, _ = campaign([tmp_path / "crosser.foresee"], tmp_path / "out")
+    result = finished(tmp_path / "crosser.foresee", tmp_path / "out")
     failing = failing_named(result.findings[0].name, tmp_path / "out")
     counts: list[tuple[int, int]] = []
     sure = how_sure(failing, 1, lambda done, of: counts.append((done, of)), tmp_path / "region")
@@ -68,7 +68,7 @@ def test_a_finding_with_all_its_figures(tmp_path: Path, monkeypatch: pytest.Monk
 def test_what_is_kept_is_shown_with_the_run_that_it_is_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_project(tmp_path)
     monkeypatch.chdir(tmp_path)
-    result, _ = campaign([tmp_path / "crosser.foresee"], tmp_path / "out")
+    result = finished(tmp_path / "crosser.foresee", tmp_path / "out")
     finding = result.findings[0]
     edge = Edge("other.timing", "", 1.0, 1.2, 1.1, None, 9)
     fails = ((False, False, True), (False, True, True), (None, True, False))

@@ -6,13 +6,14 @@ import json
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from foresee_dsl.cli.completion import VARIABLE
+from tests.support.command import FORESEE, program
+
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "plug-ins.md").read_text(encoding="utf-8")
-PROGRAM = Path(sys.executable).parent / "foresee"
 MORE = '''
 from pathlib import Path
 
@@ -25,6 +26,8 @@ import typer
 from foresee_dsl.cli.options.common import DriverOption
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.cli.completion import VARIABLE
+from tests.support.command import FORESEE, program
 
 NUMBER = 3
 
@@ -75,14 +78,16 @@ def site(tmp_path: Path) -> Path:
 
 def foresee(site: Path, *words: object, code: int = 0, **settings: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(site), "NO_COLOR": "1", "COLUMNS": "200", **settings}
-    done = subprocess.run([PROGRAM, *map(str, words)], env=environment, capture_output=True, text=True, check=False)
+    # The command line looks for a shell's question when it is imported, so a fork of the server would not notice it.
+    called = FORESEE if VARIABLE in settings else program()
+    done = subprocess.run([called, *map(str, words)], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == code, f"{words}: {done.returncode}\n{done.stdout}\n{done.stderr}"
     assert "Traceback" not in done.stderr, done.stderr
     return done
 
 
 def completed(site: Path, line: str) -> list[str]:
-    settings = {"_FORESEE_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)}
+    settings = {VARIABLE: "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)}
     return foresee(site, **settings).stdout.split()
 
 

@@ -16,13 +16,12 @@ import pytest
 
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, ReportPlace
 from foresee_dsl.report.builds.junit import to_junit
+from tests.support.command import quick_path
 from tests.support.first_project import FOUND, checked, foresee, sarif_schema
 
 etree = pytest.importorskip("lxml.etree", reason="lxml checks JUnit XML against a schema")
 yaml = pytest.importorskip("yaml", reason="PyYAML reads the files of build servers")
 
-BIN = Path(sys.executable).parent
-PATH = f"{BIN}{os.pathsep}{os.environ['PATH']}"
 CHILDREN = Path("out/children/main_street")
 
 
@@ -52,7 +51,7 @@ def _inside(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def ran(*command: str | Path, cwd: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run a program, with this environment's programs on its path."""
-    settings = {**os.environ, "PATH": PATH, **environment}
+    settings = {**os.environ, "PATH": quick_path(), **environment}
     return subprocess.run([*map(str, command)], cwd=cwd, capture_output=True, text=True, check=False, env=settings)
 
 
@@ -243,7 +242,7 @@ def test_pytest_and_verify_run_the_same_tests_of_a_kept_suite_and_exit_alike(tmp
         verified = foresee("verify", suite, *(("--driver", driver) if driver != "recorded" else ()), "--jobs", "2",
                            "--json", expect=None)  # fmt: skip
         tests = checked(verified.stdout)["tests"]
-        done = run_pytest(suite, "--foresee-driver", driver, "-rA", "-n", "2")
+        done = run_pytest(suite, "--foresee-driver", driver, "-rA")
         assert done.returncode == verified.exit_code, (driver, done.stdout, verified.stdout)
         ran_by_pytest = {*re.findall(r"^(?:PASSED|FAILED) \S*?(\w+)\.foresee::", done.stdout, re.MULTILINE)}
         assert ran_by_pytest == {Path(test["file"]).stem for test in tests}, done.stdout

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
 from foresee_dsl.exchange.driver_kinds import DriverKindError, driver_kinds
+from tests.support.command import program
 from tests.support.first_project import foresee
 
 BUNDLED = ("external-cpp", "external-python", "external-rust", "python", "trajectory")
@@ -37,7 +38,7 @@ def test_a_written_driver_completes_its_scenarios(name: str, tmp_path: Path) -> 
     assert "4 passed" in run(folder, sys.executable, "-m", "pytest", "-p", "no:cacheprovider")
     page = (folder / "README.md").read_text(encoding="utf-8")
     assert kind.about in page and f"foresee conform {kind.driver.split()[0]}".rstrip("'") in page.replace("'", "")
-    run(folder, sys.executable, "-m", "foresee_dsl", "check", ".")
+    run(folder, str(program()), "check", ".")
 
 
 def test_the_kinds_are_listed_and_an_unknown_one_names_them(tmp_path: Path) -> None:
@@ -69,11 +70,11 @@ def test_a_package_adds_a_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_stored_run_of_a_program_is_shown_without_starting_it(tmp_path: Path) -> None:
-    folder, tool = tmp_path / "project", (sys.executable, "-m", "foresee_dsl")
+    folder, tool = tmp_path / "project", str(program())
     foresee("init", folder, "--driver", "external-python")
     options = ("--run-programs", "--children", "1", "--risky-points", "1", "--exit-zero")
-    run(folder, *tool, "campaign", "campaign.foresee", *options)
+    run(folder, tool, "campaign", "campaign.foresee", *options)
     (child,) = (file for file in (folder / "out/children").rglob("*_hurries_out_p1_m1.foresee"))
     (folder / "my_driver.py").unlink()
-    shown = run(folder, *tool, "show", str(child.relative_to(folder)))
+    shown = run(folder, tool, "show", str(child.relative_to(folder)))
     assert "external:python3 my_driver.py" in shown and "from out/" in " ".join(shown.split())

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,9 +13,9 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.report.formats import OURS, CommandReport, rendered
+from tests.support.command import program
 
 PAGE = (Path(__file__).parents[2] / "docs" / "guide" / "ci.md").read_text(encoding="utf-8")
-PROGRAM = Path(sys.executable).parent / "foresee"
 BROKEN = """
 def number(report):
     return 3
@@ -48,7 +47,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def foresee(site: Path, *words: object, code: int = 0) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(site), "NO_COLOR": "1", "COLUMNS": "200"}
-    done = subprocess.run([PROGRAM, *map(str, words)], env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run([program(), *map(str, words)], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == code, f"{words}: {done.returncode}\n{done.stdout}\n{done.stderr}"
     assert "Traceback" not in done.stderr, done.stderr
     return done

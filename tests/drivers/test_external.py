@@ -36,6 +36,7 @@ from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import Verdict
+from tests.support import command
 from tests.support.driving import SEDAN, line, mission
 from tests.support.towns import drive_through, town
 
@@ -486,7 +487,7 @@ runpy.run_path(EXAMPLE)
 
 
 def foresee(*arguments: object, code: int = 0) -> str:
-    done = subprocess.run([FORESEE, *map(str, arguments)], capture_output=True, text=True, check=False)
+    done = subprocess.run([command.program(), *map(str, arguments)], capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.language.parser import format_text, parse
+from tests.support.command import program
 from tests.support.goldens import Golden
 from tests.support.layouts import moved
 
@@ -64,7 +65,7 @@ def test_the_reading_of_layouts_sees_what_moves():
 
 def fmt(*arguments: str | Path, given: bytes | None = None, expect: int = 0) -> subprocess.CompletedProcess[bytes]:
     done = subprocess.run(
-        [Path(sys.executable).parent / "foresee", "fmt", *map(str, arguments)],
+        [program(), "fmt", *map(str, arguments)],
         input=given,
         capture_output=True,
         check=False,

@@ -40,7 +40,7 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story import Moment
 from tests.support import command
 from tests.support.browser import browser, needs_chromium
-from tests.support.small_campaign import SETTINGS, campaign, write_project
+from tests.support.small_campaign import SETTINGS, campaign, finished, write_project
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -56,7 +56,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A campaign's folder, of a project in a folder with a hostile name."""
     folder = tmp_path_factory.mktemp("page")
     project = write_project(folder.joinpath(*FOLDERS))
-    result, _ = campaign(project, folder / "out")
+    result = finished(project, folder / "out")
     assert any(clip.failing for clip in result.clips)
     return folder / "out"
 

@@ -6,7 +6,6 @@ import io
 import re
 import shutil
 import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -26,8 +25,8 @@ from foresee_dsl.report.drawing.svg import png_of_svg, svg_of
 from foresee_dsl.report.picture.answer import answer
 from foresee_dsl.report.picture.draw import Drawing, draw
 from foresee_dsl.report.picture.reading import read_subject
+from tests.support.command import program
 
-FORESEE = Path(sys.executable).parent / "foresee"
 SVG = "{http://www.w3.org/2000/svg}"
 CASES = (
     "scenario3.foresee::r01",
@@ -242,14 +241,16 @@ def test_mistakes_have_their_place(small: Path) -> None:
 
 def test_the_command(small: Path, tmp_path: Path) -> None:
     pytest.importorskip("resvg_py", reason="resvg-py is not installed")
-    command = [FORESEE, "draw", "small.foresee::near", "--png", "a/b.png", "--svg", "c.svg"]
+    command = [program(), "draw", "small.foresee::near", "--png", "a/b.png", "--svg", "c.svg"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "wrote c.svg\nwrote a/b.png\n")
     assert (tmp_path / "a" / "b.png").read_bytes().startswith(b"\x89PNG")
     ET.parse(tmp_path / "c.svg")
     bad = SMALL.replace("start at 30 m along three", "start at 900 m along three")
     small.write_text(bad, encoding="utf-8")
-    done = subprocess.run([FORESEE, "draw", "small.foresee"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [program(), "draw", "small.foresee"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 1 and "wrote small_near.svg" in done.stderr and "small.foresee:" in done.stderr
     with pytest.raises(InputError, match="no picture"):
         draw(str(Path(__file__).parents[2] / "scenarios" / "models.foresee"))

@@ -18,7 +18,6 @@ import pytest
 import shapely
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Change, Quantity
@@ -29,7 +28,7 @@ from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import Moment, Story, tell
 from tests.support.goldens import recorded_run
-from tests.support.small_campaign import campaign, write_project
+from tests.support.small_campaign import finished, write_project
 from tests.support.small_street import STREET
 
 X, Y, HEADING, SPEED, ACCELERATION = range(5)
@@ -391,7 +390,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> tuple[Run
     """All findings of a small campaign, the golden runs, and some of the bundled library."""
     root = tmp_path_factory.mktemp("numbers")
     (root / "street.foresee").write_text(STREET)
-    result, _ = campaign([write_project(root), root / "street.foresee"], root / "out", options=RunOptions(jobs=1))
+    result = finished([write_project(root), root / "street.foresee"], root / "out")
     traces = {}
     for finding in result.findings:
         file = root / "out" / finding.run_file

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tests.support.command import program
 from tests.support.small_campaign import published, write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -55,7 +56,9 @@ class Findings:
 def undisturbed(file: Path, out: Path, more: Sequence[str] = ()) -> None:
     """Run the campaign without any harm."""
     subprocess.run(
-        [FORESEE, "campaign", file, "--out", out, "--exit-zero", *OPTIONS, *more], check=True, stdout=subprocess.DEVNULL
+        [program(), "campaign", file, "--out", out, "--exit-zero", *OPTIONS, *more],
+        check=True,
+        stdout=subprocess.DEVNULL,
     )
 
 

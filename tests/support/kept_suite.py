@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
-from tests.support.small_campaign import SETTINGS, campaign, write_project
+from tests.support.small_campaign import SETTINGS, finished, write_project
 
 MUTANT, CLIP = "crosser_after_p1_m2", "crosser_after_p1"
 """The one finding of the small campaign, and the clip that it was made from."""
@@ -47,7 +47,7 @@ class Project:
         """Make the project with its campaign in `out`."""
         file = write_project(root)
         cases = [Path(f"{file}::{case}") for case in ("after", "later")]
-        campaign(cases, root / "out", replace(SETTINGS, risky_points=1, children=2))
+        finished(cases, root / "out", replace(SETTINGS, risky_points=1, children=2))
         project = cls(root)
         (root / ".gitignore").write_text("out/\n")
         project.git("init", "--quiet")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.regression.keeping import keep, source_of
 from foresee_dsl.simulate.trace import Trace
-from tests.support.small_campaign import SETTINGS, campaign, write_project
+from tests.support.small_campaign import SETTINGS, finished, write_project
 
 ORIGINAL = 'driver "idm 1"'
 SIGNER = """#!/bin/sh
@@ -56,7 +56,7 @@ class Received:
         self.address = f"external:{self.program}"
         work = root / "work"
         self.scenario = write_project(work)
-        campaign([f"{self.scenario}::after"], work / "out", replace(SETTINGS, risky_points=1, children=2))
+        finished([f"{self.scenario}::after"], work / "out", replace(SETTINGS, risky_points=1, children=2))
         self.out = work / "out"
         self.network = self._write("work/street.foresee", NETWORK)
         self.models = self._write("work/more.foresee", MODELS)

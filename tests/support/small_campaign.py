@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
+import shutil
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -125,6 +128,27 @@ def campaign(
             cases, settings, out=out, store=opened, listeners=[heard], options=options or RunOptions()
         )
     return result, heard
+
+
+def finished(file: Path | list[Path], out: Path, settings: CampaignSettings = SETTINGS) -> CampaignResult:
+    """Run a campaign for a test of what is done with its results: it takes runs of the small one from a shared store.
+
+    The store is copied to `out`, so tests share no file.
+    """
+    shutil.copytree(_shared_store(), out / "store")
+    return campaign(file, out, settings)[0]
+
+
+def _shared_store() -> Path:
+    """Run the small campaign, unless a test of any worker has done so; return its store."""
+    folder = Path(os.environ["FORESEE_CACHE"]).with_name("small_campaign")
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "whole").exists():
+            campaign(write_project(folder / "project"), folder / "out")
+            (folder / "whole").touch()
+    return folder / "out" / "store"
 
 
 def published(out: Path) -> dict[str, Any]:

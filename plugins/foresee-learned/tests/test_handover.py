@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from training.small_networks import write_networks
 
 from foresee_dsl.language.model import Clip, Ego, Recorded
 from foresee_dsl.language.parser import load
+from tests.support.command import program
 from tests.support.small_street import STREET
 
 
@@ -28,7 +28,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def foresee(folder: Path, *words: str) -> str:
     environment = os.environ | {FOLDER_VARIABLE: str(folder / "weights")}
-    command = [sys.executable, "-m", "foresee_dsl", *words]
+    command = [program(), *words]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
     return done.stdout

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S
+from tests.support.command import program
 
 DRIVERS = ("fusion", "fusion_safe")
 DRIVEN = ("street.foresee::free", "street.foresee::blocked")
@@ -99,7 +99,7 @@ def test_other_processes_and_two_workers_drive_the_same_bits(
 
 
 def assessed(project: Path, jobs: str) -> dict[tuple[str, str], str]:
-    command = [sys.executable, "-m", "foresee_dsl", "assess", *DRIVEN, "--jobs", jobs, "--json", "--exit-zero"]
+    command = [program(), "assess", *DRIVEN, "--jobs", jobs, "--json", "--exit-zero"]
     command += [word for name in DRIVERS for word in ("--driver", name)]
     environment = os.environ | {FOLDER_VARIABLE: str(project / "weights")}
     done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)

@@ -15,6 +15,7 @@ from training.small_networks import write_networks
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.drivers.registry import describe_drivers, find_driver, handover_of, load_driver
 from foresee_dsl.errors import DriverError, DriverUnavailableError
+from tests.support.command import program
 
 
 @pytest.fixture
@@ -49,7 +50,7 @@ def test_a_flipped_byte_is_found(folder: Path) -> None:
     row = next(d for d in describe_drivers() if d.name == "fusion_safe")
     assert (row.version, row.unavailable) == ("", False)
     done = subprocess.run(
-        [sys.executable, "-m", "foresee_dsl", "run", "scenarios/scenario9.foresee::r01", "--driver", "fusion_safe"],
+        [program(), "run", "scenarios/scenario9.foresee::r01", "--driver", "fusion_safe"],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (1, ""), "an error of the input, and nothing was simulated"

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +37,7 @@ from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
+from tests.support.command import program
 from tests.support.situations import case_of, crossing, make_trace, risky
 from tests.support.small_campaign import Heard, InThisProcess, write_project
 
@@ -259,7 +259,7 @@ def test_the_command_runs_rankers_and_searches_and_writes_their_table(tmp_path: 
     words = ["study", "search", f"{beside}::ahead", "--half", "all", "--repetitions", "1", "--drivers", "idm",
              "--rankers", "random", "--searches", "bandit", "--budget-hours", "0.015", "--children", "1",
              "--against", "none", "--jobs", "1", "--out", str(out), "--quiet", "--json"]  # fmt: skip
-    command = [sys.executable, "-m", "foresee_dsl", *words]
+    command = [program(), *words]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     assert [table["name"] for table in json.loads(printed)["tables"]] == ["search", "search_statistics"]
     rows = list(csv.DictReader(io.StringIO((out / "tables" / "search.csv").read_text())))
