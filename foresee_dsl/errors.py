@@ -112,17 +112,22 @@ class Diagnostic:
         code: str,
         message: MessageText,
         help: HelpText,
-        path: str,
+        path: str = "",
         span: Span | None = None,
         source_line: str = "",
     ) -> Diagnostic:
-        """Return an error; the edits of its help become its fixes."""
+        """Return an error; the edits of its help become its fixes. The parser adds the path and the source line."""
         helped, worded = Help.of(help), Message.of(message)
         about = worded.about if worded.about != worded.text else ""
         names = worded.names
         return cls(
             code, worded.text, helped.text, path, span, source_line, fixes=helped.edits, about=about, names=names
         )
+
+    @property
+    def start(self) -> tuple[int, int]:
+        """Line and column at which its place begins; zeros if it is about the whole file."""
+        return (self.span.line, self.span.column) if self.span is not None else (0, 0)
 
     @property
     def key(self) -> tuple[str, str, Span | None, str]:

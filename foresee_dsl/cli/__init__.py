@@ -44,7 +44,7 @@ COMMANDS = (
     ("Run and derive", "repin", "writing.compare.repin"),
     ("Run and derive", "minimise", "minimise.minimise"),
     ("Campaign", "conform", "conform.conform"),
-    ("Campaign", "assess", "campaigns.assess"),
+    ("Campaign", "assess", "assess.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "review", "minimise.review"),

@@ -100,7 +100,7 @@ _PACKAGES = (
 
 
 @dataclass(frozen=True)
-class Finding:
+class InstallationCheck:
     """Result of one check of the installation; the last field says what to do, and is empty if the check passed."""
 
     what: str
@@ -127,25 +127,25 @@ def doctor(json: JsonOption = False) -> None:
         raise typer.Exit(FAILED)
 
 
-def _python() -> Finding:
+def _python() -> InstallationCheck:
     version = ".".join(map(str, sys.version_info[:3]))
     ok = sys.version_info >= (3, 11)
-    return Finding("Python", ok, version, "" if ok else "install Python 3.11 or newer")
+    return InstallationCheck("Python", ok, version, "" if ok else "install Python 3.11 or newer")
 
 
-def _package(name: str) -> Finding:
+def _package(name: str) -> InstallationCheck:
     try:
-        return Finding(name, True, metadata.version(name))
+        return InstallationCheck(name, True, metadata.version(name))
     except metadata.PackageNotFoundError:
-        return Finding(name, False, "not installed", "run: pip install foresee-dsl")
+        return InstallationCheck(name, False, "not installed", "run: pip install foresee-dsl")
 
 
-def _attempt(check: tuple[str, Callable[[], str], str]) -> Finding:
+def _attempt(check: tuple[str, Callable[[], str], str]) -> InstallationCheck:
     what, function, advice = check
     try:
-        return Finding(what, True, function())
+        return InstallationCheck(what, True, function())
     except Exception as err:  # any failure is a result of the check
-        return Finding(what, False, f"{type(err).__name__}: {err}", advice)
+        return InstallationCheck(what, False, f"{type(err).__name__}: {err}", advice)
 
 
 def _netconvert() -> str:

@@ -1,23 +1,17 @@
-"""Commands over many test cases: `campaign`, `plan` and `assess`."""
+"""The commands `campaign`, the whole method on many test cases, and `plan`, what a campaign would run."""
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
-    CPUS,
     Flags,
     HelpAllOption,
-    Jobs,
     Paths,
     Request,
     executor_of,
@@ -27,19 +21,16 @@ from foresee_dsl.cli.options.campaign_options import (
     shard_of,
     with_flags,
 )
-from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
+from foresee_dsl.cli.options.case_selection import FailFastOption, selected
 from foresee_dsl.cli.options.common import (
     FAILED,
-    AllowOutsideOption,
     JsonOption,
-    SeedOption,
     console,
-    give,
     json_document,
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
 from foresee_dsl.cli.options.profiling import profiling
-from foresee_dsl.language.campaign_values import RULES_MODE
+from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import PEOPLE, CommandReport
 
@@ -307,43 +298,6 @@ def _pages(folders: list[Path], out: Path, screen: Console) -> None:
     screen.print(f"\nThe findings with their playback: {pages[-1]}", soft_wrap=True, markup=False)
 
 
-class StopSignal:
-    """Counts Ctrl-C and SIGTERM while a campaign runs: the first signal asks it to stop, a second Ctrl-C ends it at
-    once."""
-
-    def __init__(self) -> None:
-        self.number = 0
-
-    def __call__(self) -> bool:
-        """Return whether a signal arrived."""
-        return self.number != 0
-
-    @property
-    def exit_code(self) -> int:
-        """Exit code of a stopped process: 130 after Ctrl-C, 143 after SIGTERM."""
-        return 128 + self.number
-
-    @contextmanager
-    def listening(self) -> Iterator[None]:
-        """Record signals inside this context, instead of letting them end the process."""
-        before = {number: signal.signal(number, self._receive) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def _receive(self, number: int, _: FrameType | None) -> None:
-        if self.number and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        if not self.number:
-            self.number = number
-            typer.echo(
-                "stopping; finished results are kept (press Ctrl-C again to end at once)",
-                err=True,
-            )
-
-
 @with_flags
 def plan(
     ctx: typer.Context,
@@ -397,10 +351,10 @@ def plan(
         if others:
             screen.print(of_other_versions(folder, others))
 
-    if format == "dot":
-        give("".join(f"{campaign_plan.as_dot()}\n" for campaign_plan in plans))
-    else:
-        report_results(format, CommandReport("plan", data), people=people)
+    def dot() -> str:
+        return "".join(f"{campaign_plan.as_dot()}\n" for campaign_plan in plans)
+
+    report_results(format, CommandReport("plan", data, forms={"dot": dot}), people=people)
 
 
 def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> None:
@@ -428,69 +382,3 @@ def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> N
     screen.print(f"at most {duration(campaign_plan.longest_s)} on {campaign_plan.jobs} workers, {means}")
     if not stored:
         screen.print(f"There is no store in {folder} yet.")
-
-
-def assess(
-    paths: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).", autocompletion=case_addresses
-        ),
-    ],
-    driver: Annotated[
-        list[str] | None, typer.Option("--driver", help="A driver; repeat the option for several.")
-    ] = None,
-    jobs: Jobs = CPUS,
-    seed: SeedOption = 0,
-    first: FirstOption = None,
-    only: OnlyOption = None,
-    fail_fast: FailFastOption = False,
-    rules: common.RulesOption = RULES_MODE,
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    show: Annotated[
-        bool, typer.Option("--failures", help="Also list the runs in which the ego did not arrive.")
-    ] = False,
-    format_: FormatOption = "text",
-    junit: JunitOption = None,
-    exit_zero: common.ExitZeroOption = False,
-    json: JsonOption = False,
-    allow_outside: AllowOutsideOption = False,
-) -> None:
-    """Run test cases with one or several drivers and compare how often they arrive, how they fail, and how they drive.
-
-    Exit code 1 when a run did not arrive, or broke an `expect` line.
-
-    [dim]foresee assess scenarios --driver pdm --driver idm[/dim]
-    """
-    from foresee_dsl.campaign.assessment import Assessment, assess_drivers
-    from foresee_dsl.drivers.deadlines import Deadlines
-    from foresee_dsl.drivers.registry import find_driver
-    from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.report.builds.case_results import of_assessment
-    from foresee_dsl.report.terminal.drivers import print_assessment, runs_progress
-
-    drivers = list(dict.fromkeys(driver or ["pdm"]))
-    for name in drivers:
-        find_driver(name)  # an unknown name is reported before anything runs
-    cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
-    form = "json" if json else format_
-    total = len(cases) * len(drivers)
-    with runs_progress(console(error=True), total) as done:
-        runs = assess_drivers(
-            cases, drivers, jobs=jobs, seed=seed, on_run=done, deadlines=Deadlines(step_deadline, deadline),
-            rules=rules, fail_fast=fail_fast,
-        )  # fmt: skip
-    report_results(
-        form,
-        CommandReport(
-            "assess",
-            lambda: json_document(Assessment(runs, seed)),
-            lambda: of_assessment(runs, seed),
-            properties=[("driver", name) for name in drivers],
-        ),
-        people=lambda screen: print_assessment(screen, runs, failures=show, of=total),
-        junit=junit,
-    )
-    if not exit_zero and not all(run.passed for run in runs):
-        raise typer.Exit(FAILED)

@@ -31,7 +31,7 @@ from foresee_dsl.campaign.storage.maintenance import MergeCounts, Statistics, Sw
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.history import CampaignChange
 from foresee_dsl.campaign.triage.standing import Standing
-from foresee_dsl.cli.about import Finding as Examined
+from foresee_dsl.cli.about import InstallationCheck
 from foresee_dsl.cli.options.common import SCHEMA_NUMBERS
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.documents import shape
@@ -81,7 +81,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "compile": {"test_case": str, "key": str, "files": list[str]},
     "diagnose": {"diagnoses": list[DiagnosedFailure]},
     "diff": Differences,
-    "doctor": {"ok": bool, "findings": list[Examined]},
+    "doctor": {"ok": bool, "findings": list[InstallationCheck]},
     "drivers": {"drivers": list[DriverInfo]},
     "error": {"ok": Literal[False], "message": str, "diagnostics": list[Diagnostic]},
     "explain": {"codes": list[Code]},

@@ -15,7 +15,6 @@ from foresee_dsl.cli.options.common import (
     ExitZeroOption,
     JsonOption,
     StepDeadlineOption,
-    give,
     json_document,
     names_in,
     print_json,
@@ -219,13 +218,12 @@ def compare(
     comparison = paired(base, new)
     from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown
 
-    if format_ == "markdown" and not json:
-        give(to_markdown(comparison))
-    else:
-        report_results(
-            "json" if json else format_,
-            CommandReport("compare", lambda: json_document(comparison)),
-            people=lambda screen: print_comparison(screen, comparison),
-        )
+    report_results(
+        "json" if json else format_,
+        CommandReport(
+            "compare", lambda: json_document(comparison), forms={"markdown": lambda: to_markdown(comparison)}
+        ),
+        people=lambda screen: print_comparison(screen, comparison),
+    )
     if not exit_zero and comparison.of(Change.NEW_FAILURE):
         raise typer.Exit(FAILED)

@@ -12,7 +12,7 @@ from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, conso
 if TYPE_CHECKING:
     from foresee_dsl.campaign.records import Minimised
 
-Finding = Annotated[
+FindingArgument = Annotated[
     str, typer.Argument(metavar="FINDING|MUTANT", help="A finding's number or name, or a mutant's file.")
 ]
 CampaignOption = Annotated[
@@ -21,7 +21,7 @@ CampaignOption = Annotated[
 
 
 def minimise(
-    finding: Finding,
+    finding: FindingArgument,
     campaign: CampaignOption = Path("out"),
     out: Annotated[
         Path | None,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.execution.runs import CaseRun
+    from foresee_dsl.campaign.records import ChildOutcome
     from foresee_dsl.compile.bundle import SumoBundle
     from foresee_dsl.forecast.protocol import RiskyPoint
     from foresee_dsl.simulate.trace import Trace
@@ -285,6 +286,8 @@ def mutate(
     children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants.")] = 4,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
+    format_: FormatOption = "text",
+    junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
@@ -297,26 +300,44 @@ def mutate(
     """
     from foresee_dsl.campaign.mutate_file import mutate_file
     from foresee_dsl.files import write_whole
+    from foresee_dsl.report.builds.case_results import of_child
 
     outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed, allow_outside=allow_outside)
     for child in outcomes:
         write_whole(Path(child.file), child.text)
-    if json:
+
+    def data() -> str:
         mutants = [
             {"file": c.file, "operators": c.operators, "verdict": c.verdict, "with": c.with_, "reason": c.reason,
              "digest": c.digest}
             for c in outcomes
         ]  # fmt: skip
-        common.print_json({"clip": file, "preset": preset, "children": mutants})
-    elif outcomes:
-        from foresee_dsl.report.safe_text import safe
+        return common.json_document({"clip": file, "preset": preset, "children": mutants})
 
-        for child in outcomes:
-            typer.echo(f"{child.file}\n  {safe(child.reason)} ({', '.join(child.operators)})")
-    else:
-        typer.echo("nothing was mutated, because no operator can change an actor of this clip")
+    report_results(
+        "json" if json else format_,
+        CommandReport(
+            "mutate",
+            data,
+            lambda: [of_child(child, child.file, driver, seed, suite=str(file)) for child in outcomes],
+            properties=(("driver", driver), ("seed", str(seed))),
+        ),
+        people=lambda screen: _print_mutants(screen, outcomes),
+        junit=junit,
+    )
     if not exit_zero and any(not child.passed for child in outcomes):
         raise typer.Exit(common.FAILED)
+
+
+def _print_mutants(screen: Console, outcomes: Sequence[ChildOutcome]) -> None:
+    from rich.text import Text
+
+    from foresee_dsl.report.safe_text import safe
+
+    for child in outcomes:
+        screen.print(Text(f"{child.file}\n  {safe(child.reason)} ({', '.join(child.operators)})"), soft_wrap=True)
+    if not outcomes:
+        screen.print("nothing was mutated, because no operator can change an actor of this clip", soft_wrap=True)
 
 
 def _load_trace(path: Path) -> Trace:

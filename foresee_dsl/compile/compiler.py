@@ -223,7 +223,7 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
     """
     named: set[tuple[int, str]] = set()
     diagnostics = [_diagnostic(case, problem, named) for problem in problems]
-    return InputError(tuple(sorted(diagnostics, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0))))
+    return InputError(tuple(sorted(diagnostics, key=lambda d: d.start)))
 
 
 def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:

@@ -22,11 +22,16 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
     """
     try:
         result = check_paths([str(path)], {**overlay, path: text})
+        diagnostics = result.diagnostics
+        if result.campaigns:
+            from foresee_dsl.campaign.campaign_file import mistakes_of  # slow: it searches for plug-ins
+
+            diagnostics += tuple(mistake for campaign in result.campaigns for mistake in mistakes_of(campaign))
         if not places:
-            return result.diagnostics
+            return diagnostics
         from foresee_dsl.compile import with_placements
 
-        return with_placements(result.diagnostics, result.cases)
+        return with_placements(diagnostics, result.cases)
     except InputError as error:
         return error.diagnostics
     except ForeseeError as error:

@@ -14,7 +14,7 @@ from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.logic import weaker
 from foresee_dsl.language.meaning import same_value
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.catalogues import check_model, cruise_speed_mps
@@ -30,7 +30,7 @@ _Value = m.ParamValue | m.Ref | m.Expression
 def changed_body(
     change: m.Change,
     body: tuple[m.ScenarioItem, ...],
-    findings: Findings,
+    collector: Collector,
     *,
     models: Mapping[str, m.VehicleModel] | None = None,
     place: str = "the clip",
@@ -38,7 +38,7 @@ def changed_body(
 ) -> tuple[m.ScenarioItem, ...]:
     """Return a scenario's statements with one `change` line applied; all other statements are the same objects.
 
-    If the name is unknown, WAS is not the present value, or NOW does not fit, the error is added to `findings` and the
+    If the name is unknown, WAS is not the present value, or NOW does not fit, the error is added to `collector` and the
     statements come back unchanged.
 
     Args:
@@ -49,7 +49,7 @@ def changed_body(
     named = isinstance(change.now, str) and change.now in parameters
     now: _Value = m.Ref(name=str(change.now)) if named else change.now
     if isinstance(now, m.EXPRESSIONS) and (problem := _mixed(now, body)):
-        findings.add(change, "now", "FS062", *problem)
+        collector.add(change, "now", "FS062", *problem)
         return body
     try:
         if change.actor in m.OWNERS:
@@ -57,15 +57,15 @@ def changed_body(
         else:
             old, new = _of_actor(change, now, body, models, place)
     except _RefusedError as refused:
-        findings.add(change, refused.field, refused.code, refused.message, refused.help)
+        collector.add(change, refused.field, refused.code, refused.message, refused.help)
         return body
     except ValidationError as error:
         message = f"{_label(change)} cannot be {value_text(change.now)}: {complaint(error)}"
-        findings.add(change, "now", "FS124", message)
+        collector.add(change, "now", "FS124", message)
         return body
     model = new.model if isinstance(new, Participant) and change.property == "model" else None
     if models is not None and isinstance(new, Participant) and isinstance(model, str):
-        check_model(model, new.kind, models, findings, place=(change, "now"))
+        check_model(model, new.kind, models, collector, place=(change, "now"))
         new = _at_its_own_pace(new, models.get(str(change.was)), models.get(model))
     return tuple(new if item is old else item for item in body) if old is not None else (*body, new)
 

@@ -20,7 +20,7 @@ from foresee_dsl.language.model import Catalogue, Definition, Extension, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
-from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.syntax.nodes import NodeMaker, span_of
 from foresee_dsl.language.syntax.reading import read
 from foresee_dsl.language.syntax.scan import MOST, Lines
@@ -128,7 +128,7 @@ def _check_nesting(counted: str, text: str, path: str) -> None:
     for signs in _NESTED.finditer(counted):
         if signs[0].count("-") + signs[0].count("(") >= _MOST_NESTED:
             place = Lines(text).span(signs.start(), signs.end())
-            error = TextError("FS018", "this is nested too deeply", "split it into several statements", place)
+            error = Diagnostic.of("FS018", "this is nested too deeply", "split it into several statements", span=place)
             raise InputError(_diagnostics([error], text, path))
 
 
@@ -209,31 +209,31 @@ def format_text(text: str, path: str) -> str:
     return result
 
 
-def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:
+def _wrong_version(header: Tree[Token]) -> Iterable[Diagnostic]:
     number = header.children[0]
     if str(number) != VERSION and isinstance(number, Token):
         message = f"this file is written in version {str(number)[:20]} of the language"
-        yield TextError("FS009", message, "this tool reads " + write(f"foresee {VERSION}"), span_of(number))
+        yield Diagnostic.of("FS009", message, "this tool reads " + write(f"foresee {VERSION}"), span=span_of(number))
 
 
-def _nameless(nodes: Sequence[Node], path: str) -> Iterable[TextError]:
+def _nameless(nodes: Sequence[Node], path: str) -> Iterable[Diagnostic]:
     """Report a network without a name in a file of its own (inside a scenario it needs no name)."""
     for node in nodes:
         if node.kind is Network and "name" not in node.places:
             place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("network"))
             stem = re.sub(r"\W+", "_", Path(path).stem.lower()).strip("_")
             name = stem if re.fullmatch(r"[a-z][a-z0-9_]*", stem) else "town"
-            yield TextError("FS014", "this network needs a name", meant_code(f"network {name}"), place)
+            yield Diagnostic.of("FS014", "this network needs a name", meant_code(f"network {name}"), span=place)
 
 
-def _diagnostics(errors: Iterable[TextError], text: str, path: str) -> tuple[Diagnostic, ...]:
+def _diagnostics(errors: Iterable[Diagnostic], text: str, path: str) -> tuple[Diagnostic, ...]:
+    """Return the errors of a text with their file and source lines, each once, in the order of their places."""
     lines = text.split("\n")
     by_place: dict[tuple[int, int, str], Diagnostic] = {}
     for error in errors:
-        span = error.span
-        source = lines[span.line - 1] if span.line <= len(lines) else ""
-        diagnostic = Diagnostic.of(error.code, error.message, error.help, path, span, source)
-        by_place.setdefault((span.line, span.column, error.message), diagnostic)
+        line = error.start[0]
+        source = lines[line - 1] if 0 < line <= len(lines) else ""
+        by_place.setdefault((*error.start, error.message), replace(error, path=path, source_line=source))
     return tuple(by_place[key] for key in sorted(by_place))
 
 

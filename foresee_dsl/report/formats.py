@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -35,6 +35,8 @@ class CommandReport:
         results: the results of test cases and children; empty for a command that does not run any.
         mistakes: the errors and lints of files; None if the results that did not pass are reported instead.
         properties: names and values that hold for all results, such as the driver.
+        forms: the command's own forms by name, such as `markdown`; a form in this mapping is written instead of the
+            format with its name.
     """
 
     command: str
@@ -42,6 +44,7 @@ class CommandReport:
     results: Callable[[], Sequence[CaseResult]] = tuple
     mistakes: Callable[[], Sequence[Diagnostic]] | None = None
     properties: Sequence[tuple[str, str]] = ()
+    forms: Mapping[str, Callable[[], str]] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document as data."""
@@ -109,12 +112,14 @@ OURS: Mapping[str, ReportFormat] = MappingProxyType(
 
 
 def rendered(name: str, report: CommandReport) -> str:
-    """Return a report in a format, ours or another package's.
+    """Return a report in one of its command's own forms or in a format, ours or another package's.
 
     Raises:
         ForeseeError: no package offers the format, or it is broken; the message names its package.
     """
-    ours = OURS.get(name)
+    own, ours = report.forms.get(name), OURS.get(name)
+    if own is not None:
+        return own()
     if ours is not None:
         return ours(report)
     entry = REPORT_FORMATS.find(name)

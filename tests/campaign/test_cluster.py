@@ -1,4 +1,4 @@
-"""A Dask cluster of two workers here: the same results as without, also when one of them is killed half-way."""
+"""A Dask cluster of two workers with two threads each: the same results as without, also when one is killed."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ pytestmark = pytest.mark.filterwarnings("default")  # a cluster that loses a wor
 def cluster() -> Iterator[Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        made = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+        made = distributed.LocalCluster(n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None)
         yield made
         made.close()
 
@@ -41,7 +42,7 @@ def test_a_task_that_dies_takes_no_dask_worker_along(cluster: Any) -> None:
         executor.add([Task(f"root_{k}", math.sqrt, float(k)) for k in range(12)])
         executor.add([Task("dies", ctypes.string_at, 0), Task("hangs", time.sleep, 60, deadline_s=0.5)])
         try:
-            found = {update.task.name: update.value for update in executor.updates()}
+            found = {update.task.name: update.value for update in chain.from_iterable(executor.updates())}
         finally:
             executor.close()
         assert client.run(os.getpid) == before
@@ -49,6 +50,17 @@ def test_a_task_that_dies_takes_no_dask_worker_along(cluster: Any) -> None:
     dies, hangs = found["dies"], found["hangs"]
     assert isinstance(dies, BrokenTask) and "SIGSEGV" in dies.reason and dies.task.argument == 0
     assert isinstance(hangs, BrokenTask) and hangs.how == "timeout"
+
+
+def test_all_threads_of_a_dask_worker_share_one_host(cluster: Any) -> None:
+    executor = DaskExecutor(cluster.scheduler_address)
+    executor.add(Task(f"status_{k}", Path.read_text, Path("/proc/self/stat")) for k in range(40))
+    try:
+        states = [update.value.rpartition(")")[2].split() for update in chain.from_iterable(executor.updates())]
+    finally:
+        executor.close()
+    parents = {parent for _, parent, *_ in states}
+    assert 1 <= len(parents) <= 2  # the fork server of each host, not of each thread
 
 
 class Killer(Heard):
@@ -99,6 +111,6 @@ def test_a_cluster_that_is_started_here_takes_nobody_else() -> None:
         with pytest.raises((OSError, TypeError, RuntimeError)):  # no certificate, or one of its own
             distributed.Client(address, timeout=2, security=distributed.Security.temporary())
         executor.add([Task("root", math.sqrt, 4.0)])
-        assert [update.value for update in executor.updates()] == [2.0]
+        assert [update.value for update in chain.from_iterable(executor.updates())] == [2.0]
     finally:
         executor.close()

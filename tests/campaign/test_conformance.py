@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.conformance import checks
-from foresee_dsl.campaign.conformance.records import Check, CheckStatus, Conformance
+from foresee_dsl.campaign.conformance.records import Check, CheckStatus, Conformance, ConformanceCase
 from foresee_dsl.campaign.conformance.runs import Drive
 from foresee_dsl.campaign.conformance.suite import conform, conformance_cases
 from foresee_dsl.cli import app
@@ -20,6 +20,9 @@ from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.drivers.parts import with_ideal
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.builds.case_results import of_conformance
+from foresee_dsl.report.formats import CommandReport, rendered
+from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 
 CASES = conformance_cases()
 FAULTS = """
@@ -207,3 +210,36 @@ def test_a_driver_that_does_not_start_gets_one_check(folder: Path) -> None:
     assert not result.conforms
     (check,) = result.checks
     assert check.name == "starts" and "AttributeError" in check.detail
+
+
+def test_build_servers_get_each_check_at_the_driver_s_file(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    junit = tmp_path / "conform.xml"
+    words = ["conform", "python:faults.py:Changed", "--format", "sarif", "--junit", str(junit)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 1, done.output
+    (found,) = json.loads(done.stdout)["runs"][0]["results"]
+    assert found["ruleId"] == "conformance" and found["message"]["text"].startswith("starts: ")
+    assert found["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] == "faults.py"
+    assert (
+        'name="starts"' in junit.read_text()
+        and "reproduce: foresee conform python:faults.py:Changed" in junit.read_text()
+    )
+
+
+def test_a_result_without_a_file_is_valid_in_every_format() -> None:
+    run = RunRecord(verdict=Verdict.F2, reason="collision with walker")
+    checks = (Check("starts", CheckStatus.PASS, "well"), Check("speed", CheckStatus.SKIPPED, "it does not apply"))
+    conformance = Conformance("idm", "1", 0, checks, (ConformanceCase("steps_out", "a walker steps out", run),))
+    results = of_conformance(conformance)
+    assert [(result.name, result.outcome.value) for result in results] == [
+        ("starts", "passed"),
+        ("steps_out", "failed"),
+    ]
+    assert results[1].reproduce.endswith("cases/09_steps_out.foresee --driver idm")
+    report = CommandReport("conform", lambda: "{}", lambda: results)
+    assert rendered("github", report).startswith("::error title=F2 ")
+    assert json.loads(rendered("sarif", report))["runs"][0]["results"][0]["locations"] == []
+    assert "\n\n" not in results[1].text

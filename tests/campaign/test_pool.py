@@ -8,6 +8,7 @@ import os
 import signal
 import time
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -91,7 +92,7 @@ def test_parts_come_as_they_are_done_and_outlive_what_breaks_later() -> None:
     pool = WorkerPool(1)
     pool.add([Task("whole", two_parts, 2), Task("half", two_parts, -1)])
     try:
-        found = [(u.task.name, u.value) for u in pool.updates()]
+        found = [(u.task.name, u.value) for u in chain.from_iterable(pool.updates())]
     finally:
         pool.close()
     assert [v.value for name, v in found if name == "whole" and isinstance(v, TaskPart)] == [1, 2]

@@ -15,6 +15,7 @@ import pytest
 from foresee_dsl.campaign.storage import store as store_module
 from foresee_dsl.campaign.storage.maintenance import MergeCounts, export, merge, statistics, sweep
 from foresee_dsl.campaign.storage.store import SCHEMA, Row, Store, StoreError
+from foresee_dsl.campaign.storage.traces import name_of
 
 
 def row(key: str, kind: str = "child", **more: object) -> Row:
@@ -154,6 +155,17 @@ def test_a_full_disk_is_said_and_nothing_is_lost(tmp_path: Path) -> None:
         assert all(store.has(f"k{k}") for k in range(kept))
         assert not store.has(f"k{kept}")
         assert all(name for name, _ in store.blobs.files())  # no half-written file is left
+
+
+def test_results_before_one_that_cannot_be_written_are_stored(tmp_path: Path) -> None:
+    with Store(tmp_path / "store") as store:
+        refused = b"a trace whose folder is a file"
+        store.blobs.folder.mkdir()
+        store.blobs.path(name_of(refused)).parent.write_text("in the way")
+        with pytest.raises(StoreError, match="cannot be written"):
+            store.add_all([(row("a"), b"a trace"), (row("b"), None), (row("c"), refused), (row("d"), None)])
+    with Store(tmp_path / "store") as store:
+        assert [store.get(key) is not None for key in "abcd"] == [True, True, False, False]
 
 
 def test_gc_leaves_what_is_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

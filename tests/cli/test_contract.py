@@ -9,6 +9,7 @@ import re
 import subprocess
 from importlib import import_module
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 import typer
@@ -90,8 +91,13 @@ def test_one_run_through_all_steps(scenarios: Path, tmp_path: Path) -> None:
     assert len(text.splitlines()) < 200
     assert clip["fidelity_m"] < 0.1
 
-    mutants = json.loads(foresee("mutate", clip["clip"], "--children", "3", "--json", "--exit-zero").stdout)["children"]
+    junit = tmp_path / "mutants.xml"
+    options = ("--children", "3", "--json", "--junit", junit, "--exit-zero")
+    mutants = json.loads(foresee("mutate", clip["clip"], *options).stdout)["children"]
     assert len(mutants) == 3
+    tests = ElementTree.parse(junit).findall(".//testcase")
+    assert [test.get("name") for test in tests] == [Path(mutant["file"]).stem for mutant in mutants]
+    assert [not len(test) for test in tests] == [mutant["verdict"] == "pass" for mutant in mutants]
     for mutant in mutants:
         assert mutant["verdict"] in VERDICTS
         expanded = foresee("expand", mutant["file"]).stdout

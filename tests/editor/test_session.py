@@ -220,6 +220,19 @@ def test_a_mistake_in_another_file_is_shown_where_it_is_named(work: Path) -> Non
     session(work, steps)
 
 
+def test_names_in_a_campaign_are_checked(work: Path) -> None:
+    text = 'foresee 1\n\ncampaign nightly {\n  seeds "rude.foresee"\n  drivers [pdn, idm]\n}\n'
+
+    async def steps(editor: Editor) -> None:
+        uri = editor.open("nightly.foresee", text)
+        (mistake,) = await editor.until(uri, bool)
+        assert (mistake.code, mistake.range) == ("FS058", types.Range(at(text, "pdn"), at(text, "pdn", after=True)))
+        editor.edit(uri, text.replace("pdn", "pdm"))
+        assert await editor.until(uri, lambda found: not found) == []
+
+    session(work, steps)
+
+
 def test_wide_characters_count_as_the_editor_counts_them(work: Path) -> None:
     text = RUDE.replace("  end after 8 s", '  end after 8 s; doc "🚗🚗 é"; end aftr 9 s')
 

@@ -263,6 +263,14 @@ def test_routes_with_a_gap(codes, route: str, expected: bool):
     assert [c for c, _ in codes(f"  vehicle box: car.compact {{\n    {route}\n  }}")] == (["FS309"] if expected else [])
 
 
+def test_a_lint_in_a_block_that_begins_on_its_line_underlines_its_first_line(codes):
+    lines = "  vehicle lorry: car.compact { route [west,\n      side]\n    start at 3 m along lorry.route\n  }"
+    codes(lines)
+    (found,) = check_paths(["main.foresee"]).diagnostics
+    assert found.span is not None and found.code == "FS309"
+    assert found.source_line[found.span.column - 1 : found.span.end_column - 1] == "[west,"
+
+
 def test_unused_parameters_and_dead_cases(codes):
     lines = "  param a: time = 9 s\n  param b: time = 1 s\n  end after a\n"
     assert codes(lines) == [("FS301", "param b: time = 1 s")]

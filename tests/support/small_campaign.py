@@ -77,16 +77,16 @@ class InThisProcess(Executor):
     def __init__(self, options: RunOptions) -> None:
         super().__init__()
 
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
         while self._queue and not stop():
             task = self._tasks.pop(*self._queue.take())
             value = task.function(task.argument)
             if not isinstance(value, Generator):
-                yield Update(task, value)
+                yield [Update(task, value)]
                 continue
             for part in value:
-                yield Update(task, TaskPart(part))
-            yield Update(task, None)
+                yield [Update(task, TaskPart(part))]
+            yield [Update(task, None)]
 
     def close(self) -> None:
         pass

@@ -1,8 +1,8 @@
 """The Dask executor: runs batches of a campaign's tasks on a cluster, each as one Dask task, in isolated workers.
 
-A Dask worker runs no simulation itself. It starts a host (this module as a program, with the arguments LIFELINE, PIPE
-and MEMORY_MB), a process with a pool of isolated workers; so a driver's effects on its process never reach Dask.
-Batches and outcomes pass through the pipe, and the host ends with the Dask worker.
+A Dask worker runs no simulation itself. It starts one host (this module as a program, with the arguments LIFELINE,
+MEMORY_MB and a PIPE for each of its threads), a process with as many isolated workers; so a driver's effects on its
+process never reach Dask. Batches and outcomes pass through the pipes, and the host ends with the Dask worker.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import subprocess
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
+from itertools import chain
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -65,12 +66,17 @@ class DaskExecutor(Executor):
         self._lost: Counter[int] = Counter()
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
         """See `Executor`; `stop` is called five times a second."""
         while self._tasks and not stop():
             self._submit()
+            arrived: list[Update] = []
             with contextlib.suppress(queue.Empty):
-                yield from self._take(self._ended.get(timeout=_TICK_S))
+                arrived += self._take(self._ended.get(timeout=_TICK_S))
+                while True:
+                    arrived += self._take(self._ended.get_nowait())
+            if arrived:
+                yield arrived
 
     def close(self) -> None:
         """Cancel the running batches and leave the cluster; a cluster started here ends."""
@@ -142,47 +148,61 @@ def run_batch(packed: bytes, memory_mb: float) -> bytes:
 
 
 class _Host:
-    """A process that runs batches of tasks (`serve_batches`), as its Dask worker sees it."""
+    """A process that runs batches of tasks (`serve`), as its Dask worker sees it."""
 
-    def __init__(self, memory_mb: float) -> None:
+    def __init__(self, memory_mb: float, threads: int) -> None:
+        """Start it, for as many batches at a time as the Dask worker has threads."""
         line, self._lifeline = os.pipe()
-        self._pipe, theirs = multiprocessing.Pipe()
-        passed = [line, theirs.fileno()]
-        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", *map(str, (*passed, memory_mb))]
+        pipes = [multiprocessing.Pipe() for _ in range(threads)]
+        self._free: queue.SimpleQueue[Connection] = queue.SimpleQueue()
+        passed = [theirs.fileno() for _, theirs in pipes]
+        arguments = map(str, (line, memory_mb, *passed))
+        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", *arguments]
         # Standard output belongs to the report (`--json`); prints of drivers go to standard error.
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, our own module
-            command, stdin=subprocess.DEVNULL, stdout=2, pass_fds=passed, start_new_session=True
+            command, stdin=subprocess.DEVNULL, stdout=2, pass_fds=[line, *passed], start_new_session=True
         )
         os.close(line)
-        theirs.close()
+        for ours, theirs in pipes:
+            theirs.close()
+            self._free.put(ours)
 
     def run(self, packed: bytes) -> bytes:
+        pipe = self._free.get()
         try:
-            self._pipe.send_bytes(packed)
-            return self._pipe.recv_bytes()
+            pipe.send_bytes(packed)
+            return pipe.recv_bytes()
         except (OSError, EOFError) as err:
             self.end()
             code = self._process.wait()
             raise ClusterError(f"the host of the isolated workers ended with exit code {code}") from err
+        finally:
+            self._free.put(pipe)
 
     @property
     def alive(self) -> bool:
         return self._process.poll() is None
 
     def end(self) -> None:
-        with contextlib.suppress(OSError):
-            os.close(self._lifeline)
+        """End it and its isolated workers; several threads may do so."""
+        with _STARTING:
+            if self._lifeline >= 0:
+                os.close(self._lifeline)
+                self._lifeline = -1
 
 
-_HOSTS = threading.local()
-"""One host per thread of a Dask worker, as threads work on different batches."""
+_hosts: list[_Host] = []
+"""The host of this Dask worker, if it has one."""
+_STARTING = threading.Lock()
 
 
 def _host(memory_mb: float) -> _Host:
-    host: _Host | None = getattr(_HOSTS, "host", None)
-    if host is None or not host.alive:
-        _HOSTS.host = host = _Host(memory_mb)
-    return host
+    from distributed import get_worker
+
+    with _STARTING:
+        if not (_hosts and _hosts[0].alive):
+            _hosts[:] = [_Host(memory_mb, get_worker().state.nthreads)]
+        return _hosts[0]
 
 
 def _inlined(task: Task) -> Task:
@@ -220,8 +240,8 @@ def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 -
     pages: dict[str, list[str]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with import_module("dask").config.set({} if dashboard else pages):
         cluster = distributed.LocalCluster(
-            n_workers=jobs,
-            threads_per_worker=1,
+            n_workers=1,
+            threads_per_worker=jobs,
             processes=True,
             host="127.0.0.1",
             protocol="tls://",
@@ -241,9 +261,18 @@ def _certificates(distributed: Any) -> Any:  # noqa: ANN401 - Dask's, as above
         raise ClusterError("a cluster here needs certificates: pip install 'foresee-dsl[dask]'") from err
 
 
-def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
-    """Serve as a host until the other end of the pipe is closed, or the process that started this one ends."""
+def serve(lifeline: int, memory_mb: float, descriptors: Sequence[int]) -> None:
+    """Serve as a host until the other ends of all pipes are closed, or the process that started this one ends."""
     end_with(lifeline)
+    threads = [threading.Thread(target=_serve_batches, args=(descriptor, memory_mb)) for descriptor in descriptors]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+def _serve_batches(descriptor: int, memory_mb: float) -> None:
+    """Run the batches that come through a pipe, one after the other, in an isolated worker."""
     with (
         WorkerPool(1, memory_mb=memory_mb) as pool,
         Connection(descriptor) as pipe,
@@ -253,7 +282,12 @@ def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
             tasks: list[Task] = pipe.recv()
             numbers = {id(task): index for index, task in enumerate(tasks)}
             pool.add(tasks)
-            pipe.send([(numbers[id(update.task)], _without_argument(update.value)) for update in pool.updates()])
+            pipe.send(
+                [
+                    (numbers[id(update.task)], _without_argument(update.value))
+                    for update in chain.from_iterable(pool.updates())
+                ]
+            )
 
 
 def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
@@ -262,4 +296,4 @@ def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
 
 
 if __name__ == "__main__":
-    serve_batches(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3]))
+    serve(int(sys.argv[1]), float(sys.argv[2]), [int(descriptor) for descriptor in sys.argv[3:]])

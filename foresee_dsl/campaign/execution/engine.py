@@ -185,6 +185,8 @@ class _CampaignRun:
         """The steps that wait for the result of a running task, by key."""
         self._expected: Counter[str] = Counter()
         """Number of running tasks that may give a result, by the result's key."""
+        self._unreported: set[str] = set()
+        """Keys of the results that have arrived together with the present one and are reported after it."""
         self._broken: list[str] = []
         self._begun_again: set[str] = set()
         """Keys of the steps that failed because their input had changed on the disk."""
@@ -232,8 +234,8 @@ class _CampaignRun:
             self._visit(nodes)
         self._begin_rounds()
         if self._executor is not None:
-            for update in self._executor.updates(self._stop):
-                self._handle(update)
+            for updates in self._executor.updates(self._stop):
+                self._handle(updates)
                 self._begin_rounds()
 
     def _changed_meanwhile(self) -> list[StepNode]:
@@ -271,7 +273,7 @@ class _CampaignRun:
             node = ahead.pop()
             for listener in self._listeners:
                 listener.planned(node.step.kind, 1)
-            row = self._stages.row(node)
+            row = None if node.step.key in self._unreported else self._stages.row(node)
             if row is not None and self._stages.has_more_time(node, row, self._options.limits):
                 self._store.drop(row.key)
                 row = None
@@ -308,10 +310,20 @@ class _CampaignRun:
         apart = (int(turn > _AWAITED_TURN), 0) if self._rounds else (0, node.step.rank)
         self._executor.add([task], (int(turn > 0), *apart, turn))
 
-    def _handle(self, update: Update) -> None:
-        if isinstance(update.value, TaskPart):
-            self._add(_row(update.value.value), update.value.value.trace)
-            return
+    def _handle(self, updates: Sequence[Update]) -> None:
+        """Store all results that have arrived, then report them and begin what follows from them."""
+        results: list[StepResult] = [update.value.value for update in updates if isinstance(update.value, TaskPart)]
+        rows = self._store.add_all((_row(result), result.trace) for result in results)
+        self._unreported = {row.key for row in rows}
+        following = iter(rows)
+        for update in updates:
+            if isinstance(update.value, TaskPart):
+                self._go_on(next(following))
+            else:
+                self._end(update)
+
+    def _end(self, update: Update) -> None:
+        """Handle the end of a task."""
         node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
         self._expected.subtract(keys)
@@ -322,7 +334,7 @@ class _CampaignRun:
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
             row = _broken_row(node, update.value) if key == node.step.key else None
             if row is not None:
-                self._add(row, None)
+                self._go_on(self._store.add(row))
             else:
                 self._end_waiting(key)
                 self._broken.append(f"{node.step.kind} {update.task.name}: {update.value.reason}")
@@ -345,8 +357,9 @@ class _CampaignRun:
         self._hand_out(read)
         return True
 
-    def _add(self, row: Row, trace: bytes | None) -> None:
-        row = self._store.add(row, trace)
+    def _go_on(self, row: Row) -> None:
+        """Report a stored result, and begin the steps that follow from it."""
+        self._unreported.discard(row.key)
         for k, node in enumerate(self._end_waiting(row.key)):
             self._tell(row, new=k == 0)
             self._visit((*self._then.pop(row.key, ()), *self._stages.after(node, row)))

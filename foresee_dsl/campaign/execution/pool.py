@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import chain, count
 from typing import Any, Literal, Self
 
 from foresee_dsl.campaign.execution.isolation import ProcessEnding, Task, Worker
@@ -195,8 +195,9 @@ class Executor(ABC):
             self._queue.push(number, priority, task.shares)
 
     @abstractmethod
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """Yield the updates of the tasks until none is left, or `stop` (called several times a second) returns true.
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
+        """Yield the updates of the tasks until none is left, or `stop` (called several times a second) returns true:
+        each time all that have arrived since the last time, in the order of each process.
 
         Raises:
             RuntimeError: processes die as soon as they start, so no task can run.
@@ -253,28 +254,30 @@ class WorkerPool(Executor):
 
     def results(self) -> Iterator[tuple[Task, Any | BrokenTask]]:
         """Yield each task with its outcome until none is left."""
-        for update in self.updates():
+        for update in chain.from_iterable(self.updates()):
             if update.final:
                 yield update.task, update.value
 
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
         """See `Executor`; `stop` is called ten times a second."""
         while self._tasks and not stop():
             self._hand_out()
+            arrived: list[Update] = []
             busy = {id(handle): worker for worker in self._workers if not worker.idle for handle in worker.watched}
             watched = [handle for worker in self._workers if not worker.idle for handle in worker.watched]
             for ready in multiprocessing.connection.wait(watched, timeout=_TICK_S):
                 worker = busy[id(ready)]
                 if worker not in self._workers:
                     continue  # both watched objects were ready, and the worker was handled with the first one
-                received = list(self._receive(worker))
+                arrived += self._receive(worker)
                 # A process gets its next task before the caller handles the last result, so that it is not idle.
                 self._hand_out()
-                yield from received
             if time.monotonic() - self._checked_s >= _TICK_S:
                 self._checked_s = time.monotonic()
                 for worker in tuple(self._workers):
-                    yield from self._check_limits(worker)
+                    arrived += self._check_limits(worker)
+            if arrived:
+                yield arrived
 
     def close(self) -> None:
         """See `Executor`."""

@@ -102,12 +102,16 @@ class _MeasuringExecutor(Executor):
     def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
         self._inner.add(map(self._profiler.task, tasks), priority)
 
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        for update in self._profiler.received(self._inner.updates(stop)):
-            if isinstance(update.value, TaskPart) and isinstance(update.value.value, Measurement):
-                self._profiler.add(update.value.value)
-            else:
-                yield update
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
+        for updates in self._profiler.received(self._inner.updates(stop)):
+            results = []
+            for update in updates:
+                if isinstance(update.value, TaskPart) and isinstance(update.value.value, Measurement):
+                    self._profiler.add(update.value.value)
+                else:
+                    results.append(update)
+            if results:
+                yield results
 
     def close(self) -> None:
         self._inner.close()

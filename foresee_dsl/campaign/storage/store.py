@@ -12,7 +12,7 @@ import contextlib
 import os
 import sqlite3
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -193,22 +193,35 @@ class Store:
 
     @Part.STORE.measured
     def add(self, row: Row, trace: bytes | None = None) -> Row:
-        """Store a result durably; return the row with its trace's name.
+        """Store one result; see `add_all`."""
+        return self.add_all([(row, trace)])[0]
 
-        An existing row of the same key is kept, unless its trace was lost.
+    @Part.STORE.measured
+    def add_all(self, results: Iterable[tuple[Row, bytes | None]]) -> list[Row]:
+        """Store results with their traces in one transaction; return the rows with the names of their traces.
+
+        They survive the end of any process. An existing row of the same key is kept, unless its trace was lost.
 
         Raises:
-            StoreError: it cannot be written (a full disk); earlier results are not affected.
+            StoreError: one cannot be written (a full disk); those before it are stored.
         """
+        rows = []
         with self._errors():
-            name = self.blobs.put(trace) if trace is not None else ""
-            row = replace(row, trace=name, made_s=row.made_s or time.time())
-            with self._db:
-                if self.get(row.key) is None:
-                    self._db.execute("DELETE FROM runs WHERE key = ?", (row.key,))
-                values = tuple(getattr(row, column) for column in COLUMNS)
-                self._db.execute(_INSERT, (*values, sum_of(values)))
-        return row
+            try:
+                for row, trace in results:
+                    name = self.blobs.put(trace) if trace is not None else ""
+                    rows.append(replace(row, trace=name, made_s=row.made_s or time.time()))
+                    self._insert(rows[-1])
+            finally:
+                self._db.commit()
+        return rows
+
+    def _insert(self, row: Row) -> None:
+        values = tuple(getattr(row, column) for column in COLUMNS)
+        columns = (*values, sum_of(values))
+        if not self._db.execute(_INSERT, columns).rowcount and self.get(row.key) is None:
+            self._db.execute("DELETE FROM runs WHERE key = ?", (row.key,))
+            self._db.execute(_INSERT, columns)
 
     @Part.STORE.measured
     def drop(self, key: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,7 +27,9 @@ class Blobs:
         return self.folder / name[:2] / f"{name}{_SUFFIX}"
 
     def put(self, data: bytes) -> str:
-        """Write a blob durably, unless it exists, and return its name.
+        """Write a blob, unless it exists, and return its name.
+
+        It survives the end of any process. A power cut may leave it empty or cut off, which its name then shows.
 
         Raises:
             OSError: it cannot be written; no part of it remains.
@@ -38,10 +39,8 @@ class Blobs:
         if self.get(name) is not None:  # a damaged blob is written again
             return name
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+        with replacing(path) as temporary:
+            temporary.write_bytes(data)
         return name
 
     def get(self, name: str) -> bytes | None:

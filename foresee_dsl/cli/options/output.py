@@ -120,7 +120,8 @@ def report_results(
     """Print a command's results in the requested format, and write JUnit XML to the file of `--junit`.
 
     The human-readable report goes to standard output if it is the requested format, or if `--output` names a file for
-    the other format. GitHub annotations use standard output, so with them the report goes to standard error.
+    the other format, unless that is one of the command's own forms. GitHub annotations use standard output, so with
+    them the report goes to standard error.
 
     Args:
         people: prints the human-readable report.
@@ -129,7 +130,7 @@ def report_results(
         from foresee_dsl.files import write_whole
 
         write_whole(junit, rendered("junit", report))
-    if form in PEOPLE or common.CALL.get().output is not None:
+    if form in PEOPLE or (common.CALL.get().output is not None and form not in report.forms):
         people(common.console())
     elif form == "github":
         people(common.console(error=True))

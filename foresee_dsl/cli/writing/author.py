@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.completion import case_addresses
-from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, give, json_document, print_json
+from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, json_document, print_json
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.report.formats import CommandReport
 
@@ -99,17 +99,20 @@ def sample(
 
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
     cases = _cases(scenario, count, seed)
-    if format_ == "cases":
-        from foresee_dsl.language.printer import print_item
-
-        give("".join(f"  {print_item(case)}\n" for case in cases))
-        return
     covered = coverage(scenario, cases)
     report_results(
         format_,
-        CommandReport("sample", lambda: _document(file, scenario, cases, covered)),
+        CommandReport(
+            "sample", lambda: _document(file, scenario, cases, covered), forms={"cases": lambda: _lines(cases)}
+        ),
         people=lambda _: _print_table(scenario, cases, covered),
     )
+
+
+def _lines(cases: Sequence[Case]) -> str:
+    from foresee_dsl.language.printer import print_item
+
+    return "".join(f"  {print_item(case)}\n" for case in cases)
 
 
 def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[Case]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, give, json_document, print_json
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, json_document, print_json
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.errors import InputError
 from foresee_dsl.report.formats import CommandReport
@@ -54,16 +54,14 @@ def diff(
     first, second = (old, new) if new else (parent_address(old), old)
     differences = compare_addresses(first, second, allow_outside=allow_outside)
 
-    if format == "markdown" and not json:
-        give(render_markdown(differences.changes, differences.texts, old=differences.old, new=differences.new))
-    else:
-        report_results(
-            "json" if json else format,
-            CommandReport("diff", lambda: json_document(differences)),
-            people=lambda _: typer.echo(
-                render_groups(differences.changes, differences.texts, colour=_colour()), nl=False
-            ),
-        )
+    def markdown() -> str:
+        return render_markdown(differences.changes, differences.texts, old=differences.old, new=differences.new)
+
+    report_results(
+        "json" if json else format,
+        CommandReport("diff", lambda: json_document(differences), forms={"markdown": markdown}),
+        people=lambda _: typer.echo(render_groups(differences.changes, differences.texts, colour=_colour()), nl=False),
+    )
     if exit_code and differences.changes:
         raise typer.Exit(FAILED)
 

@@ -17,6 +17,8 @@ from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import UNITS, Dimension
 
 Values = Mapping[str, m.ParamValue]
+_Arguments = tuple[m.Item, str, str, str, HelpText]
+"""Item, field, code, message and help of an error, as `Collector.add` takes them."""
 _DIGITS = Decimal("0.0001")
 """A message rounds a bound to a multiple of this number (ours)."""
 
@@ -37,17 +39,6 @@ class Use:
         return isinstance(self.value, m.EXPRESSIONS) or form.bounds is not None or form.dimension == "count"
 
 
-@dataclass(frozen=True)
-class Unfit:
-    """A use whose result is an error or out of bounds in some case, with the message for it."""
-
-    item: m.Item
-    field: str
-    code: str
-    message: str
-    help: HelpText
-
-
 def uses(items: Iterable[m.Item]) -> Iterator[Use]:
     """Yield every place where statements use a parameter or an expression; `param` and `case` statements are left
     out."""
@@ -62,7 +53,7 @@ def uses(items: Iterable[m.Item]) -> Iterator[Use]:
                         yield use
 
 
-def unfit(places: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[Unfit]:
+def unfit(places: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[_Arguments]:
     """Yield each use whose result is an error or out of bounds in some case, with the first such case and the number of
     further such cases.
 
@@ -77,13 +68,10 @@ def unfit(places: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterato
         ]
         if wrong:
             name, (item, field, code, message, help) = wrong[0]
-            yield Unfit(item, field, code, f"{_where(name, len(wrong) - 1)}{message}", help)
+            yield item, field, code, f"{_where(name, len(wrong) - 1)}{message}", help
 
 
-_Problem = tuple[m.Item, str, str, str, HelpText]
-
-
-def _problem(use: Use, values: Values) -> _Problem | None:
+def _problem(use: Use, values: Values) -> _Arguments | None:
     try:
         result = _result(use.value, values)
     except ExpressionError as error:

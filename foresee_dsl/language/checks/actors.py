@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from foresee_dsl.errors import subject
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, rename, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
 from foresee_dsl.language.printer import print_item, written
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
@@ -21,50 +21,50 @@ _SET_LINE = (m.ChangesLine, m.KeepsBeside, m.FollowsPath, m.Reverses)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
-def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
+def check_actors(collector: Collector, body: Sequence[m.Item]) -> None:
     """Check the actors of a scenario or clip, and every place that names an actor."""
     actors = [item for item in body if isinstance(item, (m.Ego, m.Actor))]
     groups = [item for item in body if isinstance(item, m.Traffic)]
     named = [actor for actor in actors if isinstance(actor, m.Actor)]
     for other in [actor for actor in named if actor.name == "ego"][:1]:
-        findings.add(
+        collector.add(
             other, "name", "FS030", "only the ego can have the name 'ego'", rename("give this actor another name")
         )
     for other in named:
         if other.name in m.TAKEN or other.name in m.OWNERS:
             message = "'" + subject(other.name) + "' is a word of the language"
-            findings.add(other, "name", "FS049", message, rename("give this actor another name", everywhere=True))
-    findings.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")
+            collector.add(other, "name", "FS049", message, rename("give this actor another name", everywhere=True))
+    collector.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")
     cases = [item for item in body if isinstance(item, m.Case)]
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
     for actor in actors:
-        _check_place(findings, actor, next((other for other in actors if isinstance(other, m.Ego)), None))
-        _check_once(findings, actor)
-        _check_joins(findings, actor)
-        _check_track(findings, actor)
-        _check_times(findings, actor)
-        _check_recorded(findings, actor)
-        _check_class(findings, actor, parameters, cases)
-        _check_passes(findings, actor, parameters, cases, body)
-        _check_style(findings, actor)
+        _check_place(collector, actor, next((other for other in actors if isinstance(other, m.Ego)), None))
+        _check_once(collector, actor)
+        _check_joins(collector, actor)
+        _check_track(collector, actor)
+        _check_times(collector, actor)
+        _check_recorded(collector, actor)
+        _check_class(collector, actor, parameters, cases)
+        _check_passes(collector, actor, parameters, cases, body)
+        _check_style(collector, actor)
     for group in groups:
         for k, model in enumerate(group.models):
-            _known_class(findings, group, f"models.{k}", model)
-    _check_deviation(findings, body, next((actor for actor in actors if isinstance(actor, m.Ego)), None))
+            _known_class(collector, group, f"models.{k}", model)
+    _check_deviation(collector, body, next((actor for actor in actors if isinstance(actor, m.Ego)), None))
     doors = {
         door_of(part) for item in body if isinstance(item, m.When) for part in walk(item) if isinstance(part, m.Door)
     }
-    _check_mentions(findings, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups}, doors)
+    _check_mentions(collector, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups}, doors)
 
 
-def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) -> None:
+def _check_place(collector: Collector, actor: m.Ego | m.Actor, ego: m.Ego | None) -> None:
     """Report an actor without a position, and a moving actor without a route or path."""
     kinds = {item.kind for item in actor.body}
     moves = bool(kinds & set(_WAYS))
     if isinstance(actor, m.Ego):
         if not moves or kinds & set(_PATHS):
             help = "write it like " + write("route from south straight over j4")
-            findings.add(actor, "", "FS042", "the ego has no route", help, head_only=True)
+            collector.add(actor, "", "FS042", "the ego has no route", help, head_only=True)
         return
     placed = (
         actor.state is not None
@@ -80,38 +80,38 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) 
         if actor.kind == "obstacle":
             help = "add " + write("start at 20 m along ego.route") + ", or a position before the brace"
         missing = {"obstacle": "position", "pedestrian": "path"}.get(actor.kind, "route or path")
-        findings.add(actor, "", "FS042", f"'{actor.name}' has no {missing}", help, head_only=True)
+        collector.add(actor, "", "FS042", f"'{actor.name}' has no {missing}", help, head_only=True)
 
 
-def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_joins(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report an actor that joins the traffic but has no path to come from."""
     for item in actor.body:
         if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath | m.Track) for other in actor.body):
             help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
-            findings.add(
+            collector.add(
                 item, "", "FS042", f"'{actor.name}' joins the traffic at the end of a path, but it has no path", help
             )
 
 
-def _check_track(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_track(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report what an actor that follows a recorded track cannot have, because the track decides it."""
     if isinstance(actor, m.Ego) or not any(isinstance(item, m.Track) for item in actor.body):
         return
     if actor.state is not None:
         help = "the track gives it its position: leave the other one out"
-        findings.add(actor, "", "FS042", f"'{actor.name}' has a position and a track", help, head_only=True)
+        collector.add(actor, "", "FS042", f"'{actor.name}' has a position and a track", help, head_only=True)
     for item in actor.body:
         if not isinstance(item, m.BESIDE_TRACK):
             what = written(item).split("(")[0].split("[")[0].strip()
             message = f"'{actor.name}' follows its track, so it cannot have `{what}`"
-            findings.add(item, "", "FS042", message, remove("remove it") + ", or the track")
+            collector.add(item, "", "FS042", message, remove("remove it") + ", or the track")
         later = isinstance(item, m.Line) and isinstance(item.start, m.Quantity) and item.start.si > 0
         if isinstance(item, m.Line) and (later or item.duration is not None):
             message = f"'{actor.name}' follows its track, so its `line` cannot have times"
-            findings.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
+            collector.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
 
 
-def _check_deviation(findings: Findings, body: Sequence[m.Item], ego: m.Ego | None) -> None:
+def _check_deviation(collector: Collector, body: Sequence[m.Item], ego: m.Ego | None) -> None:
     """Report a measured deviation of an actor that is not the ego, or of an ego without a track."""
     recorded = ego is not None and any(isinstance(item, m.Track) for item in ego.body)
     for measure in (part for item in body if isinstance(item, m.When | m.Expect) for part in walk(item)):
@@ -121,22 +121,22 @@ def _check_deviation(findings: Findings, body: Sequence[m.Item], ego: m.Ego | No
             message = (
                 "only the ego deviates from its track: " + subject(f"{measure.actor}") + " follows its own exactly"
             )
-            findings.add(measure, "actor", "FS042", message, "write " + write("ego.deviation"))
+            collector.add(measure, "actor", "FS042", message, "write " + write("ego.deviation"))
         elif not recorded and ego is not None:
             help = in_block('track "112"', "ego") + " with the name of its recorded track"
-            findings.add(measure, "", "FS042", "the ego has no recorded track from which it could deviate", help)
+            collector.add(measure, "", "FS042", "the ego has no recorded track from which it could deviate", help)
 
 
-def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_times(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report a `line` with times for an actor on a path, and `brakes` for the ego, because its driver decides when it
     brakes."""
     on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
             message = f"'{actor.name}' follows a path, so its `line` cannot have times"
-            findings.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
+            collector.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
-            findings.add(
+            collector.add(
                 item,
                 "",
                 "FS042",
@@ -145,7 +145,7 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
             )
 
 
-def _check_style(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_style(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report a style of an actor that SUMO does not drive along lanes."""
     for item in actor.body:
         if not isinstance(item, m.Style):
@@ -156,11 +156,11 @@ def _check_style(findings: Findings, actor: m.Ego | m.Actor) -> None:
             message = f"'{actor.name}' does not drive along a route, so it cannot have a `style`"
         else:
             continue
-        findings.add(item, "", "FS042", message, "move it to a vehicle on a route, or " + remove("remove it"))
+        collector.add(item, "", "FS042", message, "move it to a vehicle on a route, or " + remove("remove it"))
 
 
 def _check_passes(
-    findings: Findings,
+    collector: Collector,
     actor: m.Ego | m.Actor,
     parameters: dict[str, m.Param],
     cases: Sequence[m.Case],
@@ -173,7 +173,7 @@ def _check_passes(
         return
     passes = write("passes in lane")
     if isinstance(actor, m.Ego):
-        findings.add(
+        collector.add(
             statement,
             "",
             "FS042",
@@ -185,38 +185,38 @@ def _check_passes(
     if not classes <= set(_PASSING_CLASSES):
         message = f"'{actor.name}' is too wide to pass within a lane"
         help = passes + " is for bicycles and motorcycles: " + remove("remove it")
-        findings.add(statement, "", "FS042", message, help)
+        collector.add(statement, "", "FS042", message, help)
     if any(isinstance(item, m.AnyPath) for item in actor.body):
         message = f"'{actor.name}' follows a path, which fixes its line, so it cannot have `passes in lane`"
-        findings.add(statement, "", "FS042", message, "write a route instead of the path, or " + remove("remove it"))
+        collector.add(statement, "", "FS042", message, "write a route instead of the path, or " + remove("remove it"))
     for line in (item for item in actor.body if isinstance(item, m.Line)):
         message = f"'{actor.name}' passes within its lane, so SUMO decides its line and `line` has no effect"
-        findings.add(line, "", "FS042", message, remove("keep one of the two"))
+        collector.add(line, "", "FS042", message, remove("keep one of the two"))
     for action in (part for item in body if isinstance(item, m.When) for part in walk(item)):
         if isinstance(action, _SET_LINE) and action.actor == actor.name:
             message = f"'{actor.name}' passes within its lane, so SUMO decides its line and this action has no effect"
             help = remove("remove this action") + ", or `passes in lane` from the actor"
-            findings.add(action, "", "FS042", message, help)
+            collector.add(action, "", "FS042", message, help)
 
 
-def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_once(collector: Collector, actor: m.Ego | m.Actor) -> None:
     seen: dict[str, m.Item] = {}
     for item in actor.body:
         kind = "way" if item.kind in _WAYS else item.kind
         if kind in seen and kind not in _MAY_REPEAT:
             what = "route or path" if kind == "way" else "statement of this kind"
-            findings.add(item, "", "FS047", f"'{actor.name}' has a second {what}", remove("keep one of the two"))
+            collector.add(item, "", "FS047", f"'{actor.name}' has a second {what}", remove("keep one of the two"))
         seen[kind] = item
 
 
-def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_recorded(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report recorded states of an actor other than the ego, and recorded states whose times do not increase."""
     before = 0.0
     for item in actor.body:
         if not isinstance(item, m.Recorded):
             continue
         if isinstance(actor, m.Actor):
-            findings.add(
+            collector.add(
                 item,
                 "",
                 "FS056",
@@ -226,16 +226,16 @@ def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
                 message = "the time of this recorded state is not later than that of the state before it"
-                findings.add(item, "time", "FS056", message, "write the recorded states in the order of their times")
+                collector.add(item, "time", "FS056", message, "write the recorded states in the order of their times")
             before = item.time.si
 
 
 def _check_class(
-    findings: Findings, actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
+    collector: Collector, actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
 ) -> None:
     """Report a keyword that does not fit the model's class, for every model that a parameter can be."""
     for item, field, model in _models(actor, parameters, cases):
-        if not _known_class(findings, item, field, model):
+        if not _known_class(collector, item, field, model):
             continue
         wanted = VEHICLE_CLASSES if actor.kind in ("ego", "vehicle") else (actor.kind,)
         class_ = model.partition(".")[0]
@@ -248,7 +248,7 @@ def _check_class(
             kind = "vehicle" if isinstance(actor, m.Ego) else actor.kind
             article = "an" if kind == "obstacle" else "a"
             message = f"'{actor.name}' is {article} {kind}, but `{model}` is of class {class_}"
-            findings.add(item, field, "FS038", message, help)
+            collector.add(item, field, "FS038", message, help)
 
 
 def _models(
@@ -272,14 +272,14 @@ def _models(
                 yield assignment, "value", assignment.value
 
 
-def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bool:
+def _known_class(collector: Collector, item: m.Item, field: str, model: str) -> bool:
     class_ = model.partition(".")[0]
     if class_ in CLASSES:
         return True
     help = did_you_mean(class_, CLASSES)
     if closest(class_, CLASSES) is None:
         help = f"classes are {', '.join(CLASSES)}: write a model such as " + write("car.sedan")
-    findings.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
+    collector.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
     return False
 
 
@@ -289,7 +289,7 @@ def door_of(action: m.Door) -> str:
 
 
 def _check_mentions(
-    findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str], doors: set[str]
+    collector: Collector, body: Sequence[m.Item], actors: set[str], groups: set[str], doors: set[str]
 ) -> None:
     """Report mentions of actors that do not exist. Actors of the traffic are called `others_03`, doors `van_door`."""
     for root in body:
@@ -305,4 +305,4 @@ def _check_mentions(
                 help: HelpText = did_you_mean(name, sorted(actors))
                 if name in groups:
                     help = "name one of its actors: " + write(f"{name}_01")
-                findings.add(item, field, "FS037", "unknown actor '" + subject(name) + "'", help)
+                collector.add(item, field, "FS037", "unknown actor '" + subject(name) + "'", help)

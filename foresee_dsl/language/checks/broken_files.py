@@ -16,7 +16,7 @@ from foresee_dsl.helps import Meant, meant_word
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.keywords import KEYWORDS
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
 from foresee_dsl.language.model import Definition
 from foresee_dsl.language.model.pattern import form_of
@@ -180,18 +180,18 @@ def unknown_names(document: Document, load: Callable[[Path], Document]) -> Itera
     edges = {*roads, *(f"{road}_back" for road in roads)}
     # Names such as `circle_west`, a junction on the ring of a roundabout, begin with the name of the statement.
     parts = tuple(f"{item.name}_" for item in network.body if isinstance(item, crossed[1:]))
-    findings = Findings(document)
+    collector = Collector(document)
     for statement in model.body:
         if isinstance(statement, m.Network | m.Param | m.Case):
             continue
         for item, field, kind, name in _named(statement):
             if kind == "junction" and name not in junctions and not name.startswith(parts):
                 help = did_you_mean(name, junctions)
-                findings.add(item, field, UNKNOWN_JUNCTION, "there is no junction called " + subject(name), help)
+                collector.add(item, field, UNKNOWN_JUNCTION, "there is no junction called " + subject(name), help)
             elif kind == "road" and name.partition("#")[0] not in edges:
                 help = did_you_mean(name, roads)
-                findings.add(item, field, UNKNOWN_ROAD, "there is no road or edge called " + subject(name), help)
-    yield from findings.sorted()
+                collector.add(item, field, UNKNOWN_ROAD, "there is no road or edge called " + subject(name), help)
+    yield from collector.sorted()
 
 
 def _named(statement: m.Item) -> Iterator[tuple[m.Item, str, str, str]]:

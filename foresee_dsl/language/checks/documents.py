@@ -13,7 +13,7 @@ from foresee_dsl.language.checks.parameters import check_parameters
 from foresee_dsl.language.checks.requirements import check_requirements
 from foresee_dsl.language.checks.streets import NamedJunction, Ramp, Streets, check_touching
 from foresee_dsl.language.checks.values import check_values
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.catalogues import CLASSES, SUM_SLACK_M
@@ -22,47 +22,47 @@ from foresee_dsl.language.project.document import Document
 
 def check_document(document: Document) -> tuple[Diagnostic, ...]:
     """Return every error that this file alone shows, in the order of the places."""
-    findings = Findings(document)
+    collector = Collector(document)
     model = document.model
     match model:
         case m.Scenario():
-            _check_scenario(findings, model)
+            _check_scenario(collector, model)
             # The names of drawn cases are known only once they are drawn.
             drawn = any(isinstance(item, m.Cases) for item in model.body)
-            _check_expected(findings, model, None if drawn else [case.name for case in model.all(m.Case)])
+            _check_expected(collector, model, None if drawn else [case.name for case in model.all(m.Case)])
         case m.Clip():
-            _check_clip(findings, model)
-            _check_expected(findings, model, [])
+            _check_clip(collector, model)
+            _check_expected(collector, model, [])
         case m.Mutant():
-            _check_mutant(findings, model)
-            _check_expected(findings, model, [])
+            _check_mutant(collector, model)
+            _check_expected(collector, model, [])
         case m.Extension():  # errors that show before it is joined with the scenario that it extends
-            findings.only_once([item for item in model.body if isinstance(item, m.Tags)])
-            _check_changes(findings, [item for item in model.body if isinstance(item, m.Change)], parameters=True)
+            collector.only_once([item for item in model.body if isinstance(item, m.Tags)])
+            _check_changes(collector, [item for item in model.body if isinstance(item, m.Change)], parameters=True)
         case m.Network():
-            check_network(findings, model)
+            check_network(collector, model)
         case m.Campaign():
-            _check_campaign(findings, model)
+            _check_campaign(collector, model)
         case m.Catalogue():
-            check_catalogue(findings, model)
+            check_catalogue(collector, model)
         case _:
             assert_never(model)
     if not isinstance(model, m.Extension):  # its values are checked once it is joined with the other scenario
-        check_values(findings, model)
-    return findings.sorted()
+        check_values(collector, model)
+    return collector.sorted()
 
 
 # ---- scenarios ------------------------------------------------------------------------------------------------------
 
 
-def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
+def _check_scenario(collector: Collector, scenario: m.Scenario) -> None:
     egos, networks = scenario.all(m.Ego), (*scenario.all(m.UseNetwork), *scenario.all(m.Network))
     if not egos:
         example = "ego: car.sedan { route from south straight over j4 }"
         help = "add the vehicle that is driven by the software under test: " + write(example)
-        findings.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
+        collector.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
     for ego in egos[1:]:
-        findings.add(
+        collector.add(
             ego,
             "",
             "FS035",
@@ -72,9 +72,9 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
         )
     if not networks:
         help = "add " + write('use network "town.foresee"') + " or a block `network { ... }`"
-        findings.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
+        collector.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
     for network in networks[1:]:
-        findings.add(
+        collector.add(
             network,
             "",
             "FS036",
@@ -83,40 +83,40 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
             head_only=True,
         )
     for kind in (m.End, m.Weather, m.Tags, m.UseTracks):
-        findings.only_once(scenario.all(kind))
+        collector.only_once(scenario.all(kind))
     if not scenario.all(m.UseTracks):
         for track in (item for actor in scenario.actors for item in actor.body if isinstance(item, m.Track)):
             help = "add the file that holds it: " + write('use tracks "recorded.tracks.csv"')
-            findings.add(track, "", "FS042", f"there is no file with the track '{track.name}'", help)
+            collector.add(track, "", "FS042", f"there is no file with the track '{track.name}'", help)
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
-        findings.unique(((item, "name", item.name) for item in named if item.name is not None), what)
-    findings.unique(((item, "name", item.name) for item in scenario.all(m.Slippery)), "slippery patches")
+        collector.unique(((item, "name", item.name) for item in named if item.name is not None), what)
+    collector.unique(((item, "name", item.name) for item in scenario.all(m.Slippery)), "slippery patches")
     for block in scenario.all(m.Network):
-        check_network(findings, block)
-    check_parameters(findings, scenario)
-    check_requirements(findings, scenario)
-    check_actors(findings, scenario.body)
+        check_network(collector, block)
+    check_parameters(collector, scenario)
+    check_requirements(collector, scenario)
+    check_actors(collector, scenario.body)
 
 
-def _check_expected(findings: Findings, model: m.Scenario | m.Clip | m.Mutant, cases: Sequence[str] | None) -> None:
+def _check_expected(collector: Collector, model: m.Scenario | m.Clip | m.Mutant, cases: Sequence[str] | None) -> None:
     """Report a driver with two expected results, and a result for a case that does not exist; `cases` is None if they
     are unknown."""
     seen: set[tuple[str, str | None]] = set()
     for item in (item for item in model.body if isinstance(item, m.Expected)):
         if (item.driver, item.case) in seen:
-            findings.add(
+            collector.add(
                 item, "driver", "FS013", f"'{item.driver}' has two expected results", remove("keep one of the two")
             )
         seen.add((item.driver, item.case))
         if item.case is not None and cases is not None and item.case not in cases:
             help = did_you_mean(item.case, cases) or "it has no cases: leave out " + write("in case")
-            findings.add(item, "case", "FS100", f"there is no case '{item.case}'", help)
+            collector.add(item, "case", "FS100", f"there is no case '{item.case}'", help)
 
 
 # ---- clips ----------------------------------------------------------------------------------------------------------
 
 
-def _check_clip(findings: Findings, clip: m.Clip) -> None:
+def _check_clip(collector: Collector, clip: m.Clip) -> None:
     needed: tuple[tuple[type[m.Item], str, str], ...] = (
         (m.Window, "window", "window 12.40 s..22.40 s"),
         (m.Ego, "ego", "ego: car.sedan at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"),
@@ -125,52 +125,52 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
     for kind, word, usage in needed:
         items = [item for item in clip.body if isinstance(item, kind)]
         if not items:
-            findings.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", "write it like " + write(usage))
-        findings.only_once(items)
+            collector.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", "write it like " + write(usage))
+        collector.only_once(items)
     for item in clip.body:
         match item:
             case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si <= start.si:
                 help = meant_code(f"window {written(end)}..{written(start)}")
-                findings.add(item, "", "FS039", "this window ends before it begins", help)
+                collector.add(item, "", "FS039", "this window ends before it begins", help)
             case m.Actor(state=None) if any(isinstance(part, m.Track) for part in item.body):
                 pass  # its track gives its position
             case m.Ego(state=None) | m.Actor(state=None):
                 help = "in a clip every actor has a state: " + write("at (1 m, 2 m) heading 90 deg speed 8 m/s")
-                findings.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
+                collector.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
     patches = [item for item in clip.body if isinstance(item, m.Slippery)]
-    findings.unique(((item, "name", item.name) for item in patches), "slippery patches")
-    check_actors(findings, clip.body)
+    collector.unique(((item, "name", item.name) for item in patches), "slippery patches")
+    check_actors(collector, clip.body)
 
 
 # ---- mutants --------------------------------------------------------------------------------------------------------
 
 
-def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
+def _check_mutant(collector: Collector, mutant: m.Mutant) -> None:
     if not mutant.changes:
         help = "add a line such as " + write("change runner.timing: 1.00 => 0.80")
-        findings.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
-    findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)])
-    _check_changes(findings, mutant.changes, parameters=False)
+        collector.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
+    collector.only_once([item for item in mutant.body if isinstance(item, m.Origin)])
+    _check_changes(collector, mutant.changes, parameters=False)
     for change in mutant.changes:
         owner = m.OWNERS.get(change.actor)
         if owner is not None and owner.not_in_clips:
             others = " and ".join(f"`{name}`" for name, other in m.OWNERS.items() if not other.not_in_clips)
             message = f"a clip {owner.not_in_clips}, so a mutant cannot change it"
-            findings.add(change, "property", "FS006", message, f"change a property of an actor, or {others}")
+            collector.add(change, "property", "FS006", message, f"change a property of an actor, or {others}")
 
 
-def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameters: bool) -> None:
+def _check_changes(collector: Collector, changes: Sequence[m.Change], *, parameters: bool) -> None:
     """Check `change` lines; with `parameters`, their values may be names of parameters."""
     seen: set[tuple[str, str]] = set()
     for change in changes:
         path = (change.actor, change.property)
         if path in seen:
-            findings.add(
+            collector.add(
                 change, "property", "FS013", f"'{'.'.join(path)}' is changed twice", remove("keep one of the two")
             )
         seen.add(path)
         for side in ("was", "now"):
-            _check_changed(findings, change, side, parameters=parameters)
+            _check_changed(collector, change, side, parameters=parameters)
         rule = m.PROPERTIES.get(change.property)
         if change.actor in m.OWNERS or rule is None or not rule.timed:
             for field in ("start", "duration"):
@@ -184,33 +184,33 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
                         + " have times, such as "
                         + write("from 4.00 s for 1.00 s")
                     )
-                    findings.add(change, field, "FS124", f"'{'.'.join(path)}' cannot have times", help)
+                    collector.add(change, field, "FS124", f"'{'.'.join(path)}' cannot have times", help)
 
 
-def _check_changed(findings: Findings, change: m.Change, side: str, *, parameters: bool) -> None:
+def _check_changed(collector: Collector, change: m.Change, side: str, *, parameters: bool) -> None:
     value: m.ParamValue | m.Expression = getattr(change, side)
     if change.actor in m.OWNERS:
         needed = m.OWNERS[change.actor].dimension
     elif change.property == "model":
         if not isinstance(value, str):
             message = "the model of an actor must be the name of a model"
-            findings.add(change, side, "FS046", message, "write one such as " + write("car.compact"))
+            collector.add(change, side, "FS046", message, "write one such as " + write("car.compact"))
         return
     else:
         rule = m.PROPERTIES.get(change.property)
         if rule is not None and rule.words and value not in rule.words:
             message = f"the value of `{change.property}` must be a word"
-            findings.add(change, side, "FS046", message, f"write one of {', '.join(rule.words)}")
+            collector.add(change, side, "FS046", message, f"write one of {', '.join(rule.words)}")
         needed = rule.dimension if rule is not None and not rule.words else None
     if needed is None:
         return  # any kind of value: it is compared with the clip's value when the files are joined
     if isinstance(value, str):
         if parameters:
             return  # the name of a parameter; if there is none, the joined scenario is refused
-        help = "write " + findings.example(needed)
-        findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
+        help = "write " + collector.example(needed)
+        collector.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
     elif isinstance(value, m.Quantity) and value.dimension != needed:
-        findings.wrong_dimension(change, side, value, needed, code="FS046")
+        collector.wrong_dimension(change, side, value, needed, code="FS046")
 
 
 # ---- campaigns -------------------------------------------------------------------------------------------------------
@@ -219,39 +219,39 @@ _SEVERAL: tuple[type[m.Item], ...] = (m.Doc, m.Seeds)
 """Statements that a campaign may have several times; it may have every other statement only once."""
 
 
-def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
+def _check_campaign(collector: Collector, campaign: m.Campaign) -> None:
     """Check a campaign's file. Whether its drivers, rankers and files exist is checked only when it runs."""
     if not any(isinstance(item, m.Seeds) for item in campaign.body):
         help = "name the test cases to run: " + write('seeds "scenarios/**"')
-        findings.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
+        collector.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
     for kind in {type(item) for item in campaign.body} - set(_SEVERAL):
-        findings.only_once([item for item in campaign.body if isinstance(item, kind)])
+        collector.only_once([item for item in campaign.body if isinstance(item, kind)])
     for item in campaign.body:
         names = item.names if isinstance(item, m.Drivers | m.Against | m.Rankers) else ()
         for k, name in enumerate(names):
             if name in names[:k]:
-                findings.add(item, f"names.{k}", "FS013", f"'{name}' is listed twice", remove("keep one of the two"))
+                collector.add(item, f"names.{k}", "FS013", f"'{name}' is listed twice", remove("keep one of the two"))
 
 
-def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
+def check_catalogue(collector: Collector, catalogue: m.Catalogue) -> None:
     """Check a catalogue of models."""
     models = [item for item in catalogue.body if isinstance(item, m.VehicleModel)]
-    findings.unique(((model, "name", model.name) for model in models), "models")
+    collector.unique(((model, "name", model.name) for model in models), "models")
     for model in models:
         class_ = model.name.partition(".")[0]
         if class_ not in CLASSES:
             help = did_you_mean(class_, CLASSES)
-            findings.add(model, "name", "FS012", f"unknown class of models '{class_}'", help)
-        _check_figures(findings, model)
+            collector.add(model, "name", "FS012", f"unknown class of models '{class_}'", help)
+        _check_figures(collector, model)
 
 
-def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
+def _check_figures(collector: Collector, model: m.VehicleModel) -> None:
     """Report numbers of a model that contradict each other, such as a cruise speed above the maximum speed."""
     for less, more in (("cruise_speed", "max_speed"), ("braking", "emergency_braking")):
         low, high = getattr(model, less), getattr(model, more)
         if isinstance(low, m.Quantity) and isinstance(high, m.Quantity) and low.si > high.si:
             message = f"its {less} `{written(low)}` is above its {more} `{written(high)}`"
-            findings.add(
+            collector.add(
                 model, less, "FS055", message, "use at most " + write(written(high)) + ", or raise " + write(more)
             )
     parts = {name: getattr(model, name) for name in ("front_overhang", "wheelbase", "rear_overhang")}
@@ -265,60 +265,62 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
         last = next(reversed(lengths))
         left_m = length_m - (sum_m - lengths[last].si)
         help = "write " + write(f"{last} {left_m:.2f} m") if left_m > 0 else "correct these lengths, or `length`"
-        findings.add(model, last, "FS055", message, help)
+        collector.add(model, last, "FS055", message, help)
 
 
 # ---- networks --------------------------------------------------------------------------------------------------------
 
 
-def check_network(findings: Findings, network: m.Network) -> None:
+def check_network(collector: Collector, network: m.Network) -> None:
     """Check a network, in a file of its own or inside a scenario."""
     junctions = [item for item in network.body if isinstance(item, m.Junction)]
     roads = [item for item in network.body if isinstance(item, m.Road)]
     named = (item for item in network.body if isinstance(item, NamedJunction))
-    findings.unique(((j, "name", j.name) for j in named), "junctions")
-    findings.unique(((r, "name", r.name) for r in network.body if isinstance(r, m.Road | Ramp)), "roads")
+    collector.unique(((j, "name", j.name) for j in named), "junctions")
+    collector.unique(((r, "name", r.name) for r in network.body if isinstance(r, m.Road | Ramp)), "roads")
     buildings = (item for item in network.body if isinstance(item, m.Building))
-    findings.unique(((b, "name", b.name) for b in buildings), "buildings")
+    collector.unique(((b, "name", b.name) for b in buildings), "buildings")
     names = [item.name for item in network.body if isinstance(item, m.Junction | m.Roundabout)]
     for road in roads:
-        _check_road(findings, road, names, {r.name for r in roads})
+        _check_road(collector, road, names, {r.name for r in roads})
     for junction in junctions:
-        _check_junction(findings, junction, network)
+        _check_junction(collector, junction, network)
     if not roads:
-        findings.add(network, "name", "FS014", "this network has no roads", "add " + write("road main from a to b"))
+        collector.add(network, "name", "FS014", "this network has no roads", "add " + write("road main from a to b"))
     if len(junctions) + len(roads) + sum(isinstance(b, m.Building | m.Doc) for b in network.body) < len(network.body):
-        Streets(findings, network, names).check()
+        Streets(collector, network, names).check()
 
 
-def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
+def _check_road(collector: Collector, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
     for field, name, other in (("start", road.start, road.end), ("end", road.end, road.start)):
         if name not in junctions:
             help: HelpText = did_you_mean(name, [junction for junction in junctions if junction != other])
-            findings.add(road, field, "FS040", "unknown junction '" + subject(name) + "'", help)
+            collector.add(road, field, "FS040", "unknown junction '" + subject(name) + "'", help)
     others = [name for name in dict.fromkeys(junctions) if name != road.start]
     if road.start == road.end:
         add = "add " + write("junction b at (100 m, 0 m)")
         help = "let it end at one of " + one_of(others) if others else add
-        findings.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions; " + help)
+        collector.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions; " + help)
     if road.name.removesuffix("_back") in roads - {road.name}:
         other = road.name.removesuffix("_back")
         message = f"'{road.name}' is also the other direction of road '{other}'"
-        findings.add(road, "name", "FS030", message, rename("give it another name"))
+        collector.add(road, "name", "FS030", message, rename("give it another name"))
 
 
-def _check_junction(findings: Findings, junction: m.Junction, network: m.Network) -> None:
-    findings.unique(((s, "name", s.name) for s in junction.stages), f"stages of '{junction.name}'")
+def _check_junction(collector: Collector, junction: m.Junction, network: m.Network) -> None:
+    collector.unique(((s, "name", s.name) for s in junction.stages), f"stages of '{junction.name}'")
     if junction.control == "signals" and not junction.stages:
         roads = dict.fromkeys(
             item.name for item in network.body if isinstance(item, m.Road) and junction.name in (item.start, item.end)
         )
         help = "add at least one: " + write(f"stage go for 25 s green [{', '.join(roads) or 'north, south'}]")
-        findings.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
+        collector.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
     if junction.control != "signals" and junction.stages:
         help = "write " + write("signals") + f" after the position of '{junction.name}', or " + remove("remove it")
-        findings.add(junction.stages[0], "", "FS048", f"this stage is at '{junction.name}', which has no signals", help)
+        collector.add(
+            junction.stages[0], "", "FS048", f"this stage is at '{junction.name}', which has no signals", help
+        )
     named: list[tuple[m.Item, str, str]]
     named = [(junction, f"crossings.{k}", name) for k, name in enumerate(junction.crossings or ())]
     named += [(stage, f"green.{k}", name) for stage in junction.stages for k, name in enumerate(stage.green)]
-    check_touching(findings, junction.name, named, network)
+    check_touching(collector, junction.name, named, network)

@@ -6,7 +6,7 @@ from decimal import Decimal
 
 from foresee_dsl.helps import rename, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.sampling import MAX_CASES, case_names
 from foresee_dsl.limits import most, raised_by
@@ -15,25 +15,25 @@ _MAX_SEED = 10**9
 """Largest seed: the largest number that the language allows."""
 
 
-def check_drawn(findings: Findings, scenario: m.Scenario) -> None:
+def check_drawn(collector: Collector, scenario: m.Scenario) -> None:
     """Check the distributions of a scenario's parameters and its `cases`."""
     for parameter in scenario.all(m.Param):
         if parameter.distribution is not None:
-            _check_distribution(findings, parameter, parameter.distribution)
-    _check_case_names(findings, scenario)
+            _check_distribution(collector, parameter, parameter.distribution)
+    _check_case_names(collector, scenario)
 
 
-def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
+def _check_case_names(collector: Collector, scenario: m.Scenario) -> None:
     """Report case names that occur twice; of a `cases` statement with several such names, only the first name is
     reported."""
     named: list[tuple[m.Item, str, str]] = [(case, "name", case.name) for case in scenario.all(m.Case)]
     drawn_cases = 0
     for cases in scenario.all(m.Cases):
-        if _check_cases(findings, cases):
+        if _check_cases(collector, cases):
             drawn_cases += int(cases.count.value)
             if drawn_cases > most("cases"):
                 message = f"with these the scenario has more than {most('cases'):,.0f} drawn cases"
-                findings.add(cases, "count", "FS050", message, f"ask for less; {raised_by('cases', drawn_cases)}")
+                collector.add(cases, "count", "FS050", message, f"ask for less; {raised_by('cases', drawn_cases)}")
                 return
             named += [(cases, "seed", name) for name in case_names(cases)]
     seen: dict[str, m.Item] = {}
@@ -48,27 +48,27 @@ def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
             if drawn
             else rename("give one of them another name")
         )
-        findings.add(item, field, "FS030", f"there are two cases called '{name}'", help)
+        collector.add(item, field, "FS030", f"there are two cases called '{name}'", help)
 
 
-def _check_cases(findings: Findings, cases: m.Cases) -> bool:
+def _check_cases(collector: Collector, cases: m.Cases) -> bool:
     """Report a number of cases or a seed that is not allowed; return whether cases can be drawn."""
     sound = True
     for field, low, high in (("count", 1, MAX_CASES), ("seed", 0, _MAX_SEED)):
         value: m.Quantity = getattr(cases, field)
         if value.unit or value.value != value.value.to_integral_value():
-            findings.add(
+            collector.add(
                 cases, field, "FS010", f"`{written(value)}` is not a whole number", "write one such as " + write("20")
             )
             sound = False
         elif not low <= value.value <= high:
             message = f"`{written(value)}` cannot be the {'number of cases' if field == 'count' else 'seed'} of a draw"
-            findings.add(cases, field, "FS050", message, "use " + write(str(low)) + " to " + write(str(high)))
+            collector.add(cases, field, "FS050", message, "use " + write(str(low)) + " to " + write(str(high)))
             sound = False
     return sound
 
 
-def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.Distribution) -> None:
+def _check_distribution(collector: Collector, parameter: m.Param, distribution: m.Distribution) -> None:
     kind = distribution.kind
     if parameter.range is None and parameter.options is None:
         default = parameter.default
@@ -80,41 +80,41 @@ def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.
             )
         else:
             help = "give it options: " + write(f"{_head(parameter)} in [{default}] as {written(distribution)}")
-        findings.add(distribution, "", "FS051", f"'{parameter.name}' has no range or options to draw from", help)
+        collector.add(distribution, "", "FS051", f"'{parameter.name}' has no range or options to draw from", help)
     elif isinstance(distribution, m.Normal):
-        _check_normal(findings, parameter, distribution)
+        _check_normal(collector, parameter, distribution)
     elif isinstance(distribution, m.Choice):
-        _check_choice(findings, parameter, distribution)
+        _check_choice(collector, parameter, distribution)
     elif kind == "grid" and parameter.range is not None and parameter.range.step is None and parameter.type != "count":
         low, high = parameter.range.low, parameter.range.high
         steps = f"{written(low)}..{written(high)} step {written(_tenth(parameter.range))}"
         help = "write it like " + write(f"{_head(parameter)} in {steps} as grid")
-        findings.add(distribution, "", "FS051", "a grid needs steps, but this range has no step", help)
+        collector.add(distribution, "", "FS051", "a grid needs steps, but this range has no step", help)
 
 
-def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> None:
+def _check_normal(collector: Collector, parameter: m.Param, normal: m.Normal) -> None:
     limits = parameter.range
     if limits is None:
         weights = ", ".join("1" for _ in parameter.options or ())
         help = "draw options as " + write("uniform") + ", " + write(f"choice({weights})") + " or " + write("grid")
-        findings.add(normal, "", "FS051", "a normal distribution needs a range, but this parameter has options", help)
+        collector.add(normal, "", "FS051", "a normal distribution needs a range, but this parameter has options", help)
         return
     needed = limits.low.dimension
     for field in ("mean", "deviation"):
         value: m.Quantity = getattr(normal, field)
         if value.dimension != needed:
-            findings.wrong_dimension(normal, field, value, needed, code="FS051")
+            collector.wrong_dimension(normal, field, value, needed, code="FS051")
             return
     if not limits.low.si <= normal.mean.si <= limits.high.si:
         ends = f"{written(limits.low)}..{written(limits.high)}"
         message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
         near = written(limits.low if normal.mean.si < limits.low.si else limits.high)
-        findings.add(
+        collector.add(
             normal, "mean", "FS051", message, "use one inside it, such as " + write(near) + ", or widen the range"
         )
     if normal.deviation.si <= 0:
         message = f"the standard deviation `{written(normal.deviation)}` is too small"
-        findings.add(
+        collector.add(
             normal,
             "deviation",
             "FS051",
@@ -123,21 +123,21 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
         )
 
 
-def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> None:
+def _check_choice(collector: Collector, parameter: m.Param, choice: m.Choice) -> None:
     options, weights = parameter.options, choice.weights
     if options is None:
         help = "write the values to choose from, in brackets behind " + write("in") + ", or draw as " + write("uniform")
-        findings.add(choice, "", "FS051", "a choice needs options, but this parameter has a range", help)
+        collector.add(choice, "", "FS051", "a choice needs options, but this parameter has a range", help)
         return
     if len(options) != len(weights):
         message = f"the number of weights, {len(weights)}, differs from the number of options, {len(options)}"
         more = [m.Quantity(value=Decimal(1))] * max(len(options) - len(weights), 0)
         example = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
         help = "write one weight for each option, in their order: " + write(f"choice({example})")
-        findings.add(choice, "", "FS051", message, help)
+        collector.add(choice, "", "FS051", message, help)
     for k, weight in enumerate(weights):
         if weight.unit:
-            findings.add(
+            collector.add(
                 choice,
                 f"weights.{k}",
                 "FS051",
@@ -146,7 +146,7 @@ def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> N
             )
         elif weight.value <= 0:
             help = "a weight is more than zero, such as " + write("1") + "; to draw an option never, remove it"
-            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is not a weight", help)
+            collector.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is not a weight", help)
 
 
 def _head(parameter: m.Param) -> str:

@@ -11,24 +11,24 @@ from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, turned
 from foresee_dsl.language.arithmetic.evaluate import evaluate
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.units import Dimension
 
 
-def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
+def refuse(collector: Collector, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
     """Report an expression in a file that may only hold values."""
     try:
         help: HelpText = meant_code(written(evaluate(value)))
     except ExpressionError:
         help = "write its value"
     message = f"{kind} holds values only: `{written(value)}` is not calculated here"
-    findings.add(item, field, "FS064", message, help)
+    collector.add(item, field, "FS064", message, help)
 
 
 def check_expression(
-    findings: Findings,
+    collector: Collector,
     item: m.Item,
     field: str,
     value: m.Expression,
@@ -42,12 +42,12 @@ def check_expression(
     dimensions = Dimensions(types, POWERS[needed] if needed is not None else None)
     powers = dimensions.of(value)
     for mismatch in dimensions.mismatches:
-        findings.add(mismatch.item, "", "FS062", mismatch.message, mismatch.help)
+        collector.add(mismatch.item, "", "FS062", mismatch.message, mismatch.help)
     if powers is None or needed is None or powers == POWERS[needed]:
         return powers
     message = f"`{written(value)}` is {in_words(powers)}, but {NOUNS[needed]} is needed here"
-    findings.add(
-        item, field, "FS062", message, _instead(value, needed, dimensions, Findings.example(needed, item, field))
+    collector.add(
+        item, field, "FS062", message, _instead(value, needed, dimensions, Collector.example(needed, item, field))
     )
     return None
 
@@ -72,22 +72,22 @@ _RECIPES: Mapping[Dimension, str] = {
 }
 
 
-def compare_sides(findings: Findings, item: m.Comparison, types: Mapping[str, m.ParamType]) -> bool:
+def compare_sides(collector: Collector, item: m.Comparison, types: Mapping[str, m.ParamType]) -> bool:
     """Check that both sides of a comparison in a `require` have one dimension; return whether the comparison can be
     evaluated."""
     dimensions = Dimensions(types)
     left = dimensions.of(item.left) if not isinstance(item.left, m.Measure) else None
     right = dimensions.of(item.right)
     for mismatch in dimensions.mismatches:
-        findings.add(mismatch.item, "", "FS062", mismatch.message, mismatch.help)
+        collector.add(mismatch.item, "", "FS062", mismatch.message, mismatch.help)
     if left is None or right is None:
         return False
     if left == right:
         return True
     message = f"`{written(item.left)}` is {in_words(left)}, but `{written(item.right)}` {_is(item.right, right)}"
     dimension = named(left)
-    help = "compare it with " + Findings.example(dimension) if dimension is not None else "compare values of one kind"
-    findings.add(item, "right", "FS062", message, help)
+    help = "compare it with " + Collector.example(dimension) if dimension is not None else "compare values of one kind"
+    collector.add(item, "right", "FS062", message, help)
     return False
 
 

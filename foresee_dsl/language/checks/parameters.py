@@ -15,7 +15,7 @@ from foresee_dsl.language.arithmetic.cases import case_values, needed_by, plain,
 from foresee_dsl.language.arithmetic.results import not_by_zero
 from foresee_dsl.language.checks.drawn import check_drawn
 from foresee_dsl.language.meaning import same_value
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import value_text, written
@@ -32,17 +32,17 @@ _ON_STEP = 1e-6
 step)."""
 
 
-def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
+def check_parameters(collector: Collector, scenario: m.Scenario) -> None:
     """Check the parameters and cases of a scenario."""
     parameters = scenario.all(m.Param)
-    findings.unique(((p, "name", p.name) for p in parameters), "parameters")
+    collector.unique(((p, "name", p.name) for p in parameters), "parameters")
     for parameter in parameters:
-        _check_parameter(findings, parameter)
-    check_drawn(findings, scenario)
+        _check_parameter(collector, parameter)
+    check_drawn(collector, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
-        before, names = len(findings), {assignment.name: None for assignment in case.values}
-        findings.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
+        before, names = len(collector), {assignment.name: None for assignment in case.values}
+        collector.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
         for assignment in case.values:
             declared = by_name.get(assignment.name)
             if declared is None:
@@ -51,15 +51,15 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
                 other = closest(assignment.name, [name for name in names if name in by_name])
                 if closest(assignment.name, left) is None and other is not None:
                     help = f"'{other}' already has a value in this case: " + remove("remove it")
-                findings.add(assignment, "name", "FS031", "unknown parameter '" + subject(assignment.name) + "'", help)
+                collector.add(assignment, "name", "FS031", "unknown parameter '" + subject(assignment.name) + "'", help)
             else:
-                _check_assignment(findings, declared, assignment, by_name)
-        if len(findings) == before:
-            _check_worked_out(findings, scenario, case, by_name)
+                _check_assignment(collector, declared, assignment, by_name)
+        if len(collector) == before:
+            _check_worked_out(collector, scenario, case, by_name)
 
 
 def _check_assignment(
-    findings: Findings, parameter: m.Param, assignment: m.Assignment, parameters: dict[str, m.Param]
+    collector: Collector, parameter: m.Param, assignment: m.Assignment, parameters: dict[str, m.Param]
 ) -> None:
     """Check a value that a case gives; for a calculated value, check its dimension."""
     value = assignment.value
@@ -69,13 +69,13 @@ def _check_assignment(
         other = parameters[value]
         if other.type != parameter.type and not {other.type, parameter.type} <= {"ratio", "count"}:
             message = f"'{value}' is of type {other.type}, but '{parameter.name}' of type {parameter.type}"
-            findings.add(assignment, "value", "FS032", message, of_type(parameter.type, types))
+            collector.add(assignment, "value", "FS032", message, of_type(parameter.type, types))
     elif isinstance(value, m.EXPRESSIONS):
         from foresee_dsl.language.checks.expressions import check_expression, unknown_in
 
         if parameter.type in WORD_TYPES:
             message = f"'{parameter.name}' is of type {parameter.type}, not a number"
-            findings.add(
+            collector.add(
                 assignment,
                 "value",
                 "FS034",
@@ -83,12 +83,12 @@ def _check_assignment(
                 "write it like the default, " + write(value_text(parameter.default)),
             )
         elif not unknown_in(value, types):
-            check_expression(findings, assignment, "value", value, dimension_of(parameter), types)
+            check_expression(collector, assignment, "value", value, dimension_of(parameter), types)
     else:
-        _check_value(findings, parameter, assignment, "value", value)
+        _check_value(collector, parameter, assignment, "value", value)
 
 
-def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, parameters: dict[str, m.Param]) -> None:
+def _check_worked_out(collector: Collector, scenario: m.Scenario, case: m.Case, parameters: dict[str, m.Param]) -> None:
     """Check that calculated values in cases lie in their parameters' ranges."""
     types = {name: parameter.type for name, parameter in parameters.items()}
     computed = [
@@ -113,49 +113,49 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
         if isinstance(item, m.Assignment):
             help = "write a value: " + write(f"{item.name} = {value_text(plain(parameters[item.name].default))}")
             item = item if any(item is assignment for assignment in case.values) else case
-        findings.add(item, "", "FS063", f"in case '{case.name}', {error.message}", help)
+        collector.add(item, "", "FS063", f"in case '{case.name}', {error.message}", help)
         return
     for assignment in computed:
-        _check_value(findings, parameters[assignment.name], assignment, "value", values[assignment.name])
+        _check_value(collector, parameters[assignment.name], assignment, "value", values[assignment.name])
     for parameter in following:
-        _check_value(findings, parameter, case, "name", values[parameter.name])
+        _check_value(collector, parameter, case, "name", values[parameter.name])
 
 
-def _check_parameter(findings: Findings, parameter: m.Param) -> None:
+def _check_parameter(collector: Collector, parameter: m.Param) -> None:
     if parameter.name in RESERVED:
         message = "'" + subject(parameter.name) + "' is a word of the language"
-        findings.add(parameter, "name", "FS049", message, rename("give the parameter another name", everywhere=True))
+        collector.add(parameter, "name", "FS049", message, rename("give the parameter another name", everywhere=True))
     limits, sound = parameter.range, True
     if limits is not None:
         ends = [(end, value) for end in ("low", "high", "step") if (value := getattr(limits, end)) is not None]
-        sound = all(_check_type(findings, parameter, limits, end, value) for end, value in ends)
+        sound = all(_check_type(collector, parameter, limits, end, value) for end, value in ends)
         if sound and limits.low.si > limits.high.si:
             help = "write " + write(f"{written(limits.high)}..{written(limits.low)}")
-            findings.add(limits, "", "FS039", "this range ends before it begins", help)
+            collector.add(limits, "", "FS039", "this range ends before it begins", help)
             sound = False
         elif sound and limits.step is not None and limits.step.si <= 0:
-            findings.add(limits, "step", "FS050", "a step must be more than zero", "use a positive step, or no step")
+            collector.add(limits, "step", "FS050", "a step must be more than zero", "use a positive step, or no step")
             sound = False
     for k, option in enumerate(parameter.options or ()):
-        sound &= _check_type(findings, parameter, parameter, f"options.{k}", option)
+        sound &= _check_type(collector, parameter, parameter, f"options.{k}", option)
     if sound:
-        _check_value(findings, parameter, parameter, "default", parameter.default)
+        _check_value(collector, parameter, parameter, "default", parameter.default)
 
 
-def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> None:
+def _check_value(collector: Collector, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> None:
     """Check a value that a parameter takes: its type, then its range or options."""
-    if not _check_type(findings, parameter, item, field, value):
+    if not _check_type(collector, parameter, item, field, value):
         return
     if isinstance(value, str):
         if parameter.options is not None and value not in parameter.options:
             message = f"'{value}' is not among the options of '{parameter.name}'"
             words = [option for option in parameter.options if isinstance(option, str)]
-            findings.add(item, field, "FS033", message, did_you_mean(value, words))
+            collector.add(item, field, "FS033", message, did_you_mean(value, words))
         return
     if parameter.options is not None and not any(same_value(value, option) for option in parameter.options):
         message = f"`{written(value)}` is not among the options of '{parameter.name}'"
         options = one_of(written(option) for option in parameter.options if isinstance(option, m.Quantity))
-        findings.add(item, field, "FS033", message, "options are " + options)
+        collector.add(item, field, "FS033", message, "options are " + options)
         return
     limits = parameter.range
     if limits is None or limits.low.si > limits.high.si:
@@ -166,7 +166,7 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
     if not low - slack <= value.si <= high + slack:
         message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
         near = written(limits.low if value.si < low else limits.high)
-        findings.add(
+        collector.add(
             item, field, "FS033", message, "use a value inside it, such as " + write(near) + ", or widen the range"
         )
     elif limits.step is not None and limits.step.si > 0:
@@ -175,7 +175,7 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
             message = f"`{written(value)}` is not on a step of '{parameter.name}': {ends} step {written(limits.step)}"
             near = _on_step(limits, min(round(steps), math.floor((high - low) / limits.step.si + _ON_STEP)))
             help = "round it to the step, " + write(near) + ", or make the step smaller"
-            findings.add(item, field, "FS033", message, help)
+            collector.add(item, field, "FS033", message, help)
 
 
 def _on_step(limits: m.Range, k: int) -> str:
@@ -189,27 +189,27 @@ def _on_step(limits: m.Range, k: int) -> str:
         return written(limits.low)
 
 
-def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> bool:
+def _check_type(collector: Collector, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> bool:
     """Report a value that does not fit the parameter's type; return whether it does."""
     if isinstance(value, m.Quantity):
-        return _check_quantity(findings, parameter, item, field, value)
+        return _check_quantity(collector, parameter, item, field, value)
     type_ = parameter.type
     if type_ not in WORD_TYPES:
         message = f"'{parameter.name}' is of type {type_}, but `{value}` is a word"
-        findings.add(item, field, "FS034", message, "write " + findings.example(dimension_of(parameter)))
+        collector.add(item, field, "FS034", message, "write " + collector.example(dimension_of(parameter)))
     elif type_ == "side" and value not in _SIDES:
-        findings.add(item, field, "FS034", f"unknown side '{value}'", did_you_mean(value, _SIDES))
+        collector.add(item, field, "FS034", f"unknown side '{value}'", did_you_mean(value, _SIDES))
     elif type_ == "turn" and value not in _TURNS:
-        findings.add(item, field, "FS034", f"unknown turn '{value}'", did_you_mean(value, _TURNS))
+        collector.add(item, field, "FS034", f"unknown turn '{value}'", did_you_mean(value, _TURNS))
     elif type_ == "model" and _MODEL.fullmatch(value) is None:
         help = "models are called class.variant, such as " + write("car.compact")
-        findings.add(item, field, "FS034", f"`{value}` is not the name of a model", help)
+        collector.add(item, field, "FS034", f"`{value}` is not the name of a model", help)
     else:
         return True
     return False
 
 
-def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.Quantity) -> bool:
+def _check_quantity(collector: Collector, parameter: m.Param, item: m.Item, field: str, value: m.Quantity) -> bool:
     type_ = parameter.type
     if type_ in WORD_TYPES:
         help: dict[str, Help] = {
@@ -221,15 +221,15 @@ def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field:
         }
         message = f"'{parameter.name}' is of type {type_}, not a number"
         a_model = "write the name of a model, such as " + write("car.compact")
-        findings.add(item, field, "FS034", message, help.get(type_, a_model))
+        collector.add(item, field, "FS034", message, help.get(type_, a_model))
         return False
     needed = dimension_of(parameter)
     if value.dimension != needed and not (needed == "count" and not value.unit):
-        findings.wrong_dimension(item, field, value, needed, code="FS034")
+        collector.wrong_dimension(item, field, value, needed, code="FS034")
         return False
     if needed == "count" and (value.value < 0 or value.value != value.value.to_integral_value()):
         message = f"`{written(value)}` is not a whole number"
-        findings.add(item, field, "FS034", message, "write one such as " + write("2"))
+        collector.add(item, field, "FS034", message, "write one such as " + write("2"))
         return False
     return True
 

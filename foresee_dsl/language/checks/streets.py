@@ -10,18 +10,16 @@ from itertools import pairwise
 from foresee_dsl.errors import MessageText, subject
 from foresee_dsl.helps import HelpText, in_block, leave_out, one_of, remove, rename, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.checks.overlaps import called, check_overlaps
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.streets import layout
-from foresee_dsl.language.streets.layout import BACK, Cut, Directed, Ring, lanes_of
+from foresee_dsl.language.streets.layout import BACK, Directed, Ring, lanes_of
 from foresee_dsl.language.streets.lines import at, number, wrapped, xy
 
 FROM_END_M = 15.0
 """Minimum distance of an object from the ends of its road, m (ours: the junctions of wide roads reach 12 m)."""
-APART_M = 3.0
-"""Minimum distance between two objects on one edge, m. Each object cuts the edge into pieces (ours: the joint of two
-pieces is 1 m long)."""
 ISLAND_END_M = 30.0
 """Minimum distance of a zebra crossing with an island from the road's ends, m: the length of the island's tapers, and
 half the width of the crossing."""
@@ -40,7 +38,7 @@ Ramp = m.OnRamp | m.OffRamp
 
 
 def check_touching(
-    findings: Findings, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
+    collector: Collector, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
 ) -> None:
     """Report names that do not belong to a road at a junction; `named` holds (item, field, name) for each use."""
     ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
@@ -51,14 +49,14 @@ def check_touching(
             exists = any(name == other for other, *_ in ends)
             touches_not = "road '" + subject(name) + f"' does not touch '{junction}'"
             message = touches_not if exists else "unknown road '" + subject(name) + "'"
-            findings.add(item, field, "FS041", message, did_you_mean(name, touching))
+            collector.add(item, field, "FS041", message, did_you_mean(name, touching))
 
 
 class Streets:
     """Checks all statements of a network except its junctions, roads and buildings."""
 
-    def __init__(self, findings: Findings, network: m.Network, junctions: Sequence[str]) -> None:
-        self._findings, self._network, self._junctions = findings, network, junctions
+    def __init__(self, collector: Collector, network: m.Network, junctions: Sequence[str]) -> None:
+        self._collector, self._network, self._junctions = collector, network, junctions
         self._rings = layout.rings_of(network)
         self._edges = {edge.id: edge for edge in layout.directed(network, self._rings)}
         self._ramps = [item.name for item in network.body if isinstance(item, Ramp)]
@@ -89,19 +87,17 @@ class Streets:
         self._forbidden_ways()
         self._twice()
         if self._placed:
-            for edge in self._edges.values():
-                if not self._in_a_bay(edge):
-                    self._along(edge)
+            check_overlaps(self._collector, self._edges.values(), self._network.body)
 
     def _add(self, item: m.Item, field: str, message: MessageText, help: HelpText, code: str = "FS270") -> None:
         self._placed = False
-        self._findings.add(item, field, code, message, help)
+        self._collector.add(item, field, code, message, help)
 
     # ---- roundabouts ------------------------------------------------------------------------------------------------
 
     def _roundabout(self, item: m.Roundabout, ring: Ring) -> None:
         named = [(item, f"crossings.{k}", name) for k, name in enumerate(item.crossings or ())]
-        check_touching(self._findings, item.name, named, self._network)
+        check_touching(self._collector, item.name, named, self._network)
         if len(ring.arms) < 2:
             roads = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
             help: HelpText = (
@@ -209,7 +205,7 @@ class Streets:
     def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
         if item.junction not in self._junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._findings.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
+            self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
             self._placed = False
         edge = self._edges.get(item.edge)
         if edge is None:
@@ -287,79 +283,6 @@ class Streets:
                 help = "a ramp joins or leaves a road: add " + write("road a1 from a to b { lanes 2; speed 130 km/h }")
         self._add(item, field, message, help, "FS041")
 
-    def _along(self, edge: Directed) -> None:
-        """Report objects of one edge that overlap, and lanes that do not exist."""
-        first, last = 1, lanes_of(edge.road)[1 if edge.back else 0]
-        open_ramp: Cut | None = None
-        for k, cut in enumerate(edge.cuts):
-            item = cut.item
-            if k and item is not edge.cuts[k - 1].item and self._gap(edge.cuts[k - 1], cut) < 0:
-                other = edge.cuts[k - 1].item
-                late = max(item, other, key=self._network.body.index)
-                early = other if late is item else item
-                apart = APART_M + _half(early) + _half(late)
-                message = (
-                    f"this is too close to {_called(early)}: the two are "
-                    f"{abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
-                )
-                free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
-                self._findings.add(
-                    late, "at", "FS270", message, "leave room between them, for example with " + write(f"{free:g} m")
-                )
-                return
-            if isinstance(item, Ramp):
-                if not cut.last and open_ramp is not None:
-                    message = f"its extra lane overlaps that of {_called(open_ramp.item)}"
-                    self._findings.add(
-                        item,
-                        "at",
-                        "FS270",
-                        message,
-                        "move one, so that it ends before the other begins, or " + remove("remove one"),
-                    )
-                    return
-                open_ramp = None if cut.last else cut
-            elif isinstance(item, m.LaneEnd):
-                if open_ramp is not None:
-                    help = "move the end of the lane before or behind the ramp's extra lane, or " + remove("remove it")
-                    message = f"a lane ends beside the extra lane of {_called(open_ramp.item)}"
-                    self._findings.add(item, "at", "FS270", message, help)
-                    return
-                count, lane = last - first + 1, round(number(item.lane))
-                if count < 2 or lane not in (1, count):
-                    some = (
-                        "only an outer lane can end: " + write("1") + " (the rightmost) or " + write(f"{count}")
-                        if count > 1
-                        else "the only lane cannot end: " + remove("remove this")
-                    )
-                    lanes = f"{count} lanes" if count > 1 else "one lane"
-                    message = f"lane {lane} of '{edge.id}' cannot end there: the road has {lanes} at that place"
-                    self._findings.add(item, "lane", "FS270", message, some)
-                    return
-                first, last = (first + 1, last) if lane == 1 else (first, last - 1)
-
-    def _in_a_bay(self, edge: Directed) -> bool:
-        """Report an object in the bay of a bus stop, or right beside it; return whether there is one."""
-        spans: list[tuple[m.Item, float, float]] = []
-        for item in dict.fromkeys(cut.item for cut in edge.cuts):
-            at = [cut.at_m for cut in edge.cuts if cut.item == item]
-            spans.append((item, at[0] - _half(item), at[-1] + _half(item)))
-        for bay, begin_m, end_m in spans:
-            for other, first_m, last_m in spans:
-                near = other is not bay and first_m < end_m + APART_M and last_m > begin_m - APART_M
-                if isinstance(bay, m.BusStop) and near:
-                    late = max(bay, other, key=self._network.body.index)
-                    reach = f"which reaches from {begin_m:g} m to {end_m:g} m of '{edge.id}'"
-                    where = f"the bay of {_called(bay)}" if late is other else "this bay"
-                    message = f"{_called(other)} is inside or too close to {where}, {reach}"
-                    apart = f"leave {APART_M:g} m between the two, or "
-                    self._findings.add(late, "at", "FS270", message, apart + remove("remove one"))
-                    return True
-        return False
-
-    def _gap(self, first: Cut, second: Cut) -> float:
-        return second.at_m - first.at_m - APART_M - _half(first.item) - _half(second.item)
-
     # ---- rules of turns ---------------------------------------------------------------------------------------------
 
     def _lane_turns(self, item: m.LaneTurns) -> None:
@@ -376,13 +299,13 @@ class Streets:
                 if count > 1
                 else "its number is " + write("1")
             )
-            self._findings.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
+            self._collector.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
         exits = self._exits(edge)
         for k, turn in enumerate(item.turns):
             if exits and turn not in exits.values() and edge.end in self._plain_junctions:
                 message = f"no way leads {turn} from '{item.edge}' over '{edge.end}'"
                 turns = one_of(dict.fromkeys(exits.values()), " or ")
-                self._findings.add(item, f"turns.{k}", "FS270", message, "from there, ways lead " + turns)
+                self._collector.add(item, f"turns.{k}", "FS270", message, "from there, ways lead " + turns)
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
@@ -398,22 +321,22 @@ class Streets:
                 + write(part)
                 + " is one of its junctions"
             )
-            self._findings.add(
+            self._collector.add(
                 item, "junction", "FS270", f"'{item.junction}' is a roundabout, where `forbid` has no meaning", help
             )
             return
         if item.junction not in self._plain_junctions:
             help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._findings.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
+            self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
             return
         named: list[tuple[m.Item, str, str]] = [(item, f"roads.{k}", name) for k, name in enumerate(item.roads)]
-        check_touching(self._findings, item.junction, named, self._network)
+        check_touching(self._collector, item.junction, named, self._network)
         for k, road in enumerate(item.roads):
             edge = self._into(road, item.junction)
             ways = [e for e in (self._edges.get(road), self._edges.get(road + BACK)) if e is not None]
             if edge is None and ways and all(item.junction == e.start for e in ways):
                 message = f"no vehicle comes from '{road}' to '{item.junction}': the road only leads away from there"
-                self._findings.add(item, f"roads.{k}", "FS270", message, remove("leave it out"))
+                self._collector.add(item, f"roads.{k}", "FS270", message, remove("leave it out"))
 
     def _into(self, road: str, junction: str) -> Directed | None:
         ways = (self._edges.get(road), self._edges.get(road + BACK))
@@ -447,10 +370,10 @@ class Streets:
                 if ways and not ways - {item.turn}:
                     message = f"this bans the last way from '{road}' over '{item.junction}'"
                     help = remove("remove it") + f", so that {item.turn} stays allowed, or make '{road}' one-way"
-                    self._findings.add(item, f"roads.{k}", "FS270", message, help)
+                    self._collector.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"no way leads {item.turn} from '{road}' over '{item.junction}' anyway"
-                    self._findings.add(
+                    self._collector.add(
                         item, "turn", "FS270", message, "from there, ways lead " + one_of(sorted(ways), " or ")
                     )
                 ways.discard(item.turn)
@@ -464,7 +387,7 @@ class Streets:
                 key = (item.kind, item.edge, number(item.lane))
                 if key in seen:
                     message = f"lane {number(item.lane):g} of '{item.edge}' has two statements of this kind"
-                    self._findings.add(item, "lane", "FS013", message, remove("keep one of the two"))
+                    self._collector.add(item, "lane", "FS013", message, remove("keep one of the two"))
                 seen.add(key)
 
     def _derived_names(self) -> None:
@@ -478,24 +401,14 @@ class Streets:
         }
         for item in self._network.body:
             if isinstance(item, NamedJunction) and item.name in parts:
-                message = f"'{item.name}' is also the name of a junction of {_called(parts[item.name])}"
-                self._findings.add(item, "name", "FS030", message, rename("give it another name"))
-
-
-def _called(item: m.Item) -> str:
-    name = getattr(item, "name", "")
-    return f"'{name}'" if name else f"the end of lane {number(getattr(item, 'lane', None)):g}"
+                message = f"'{item.name}' is also the name of a junction of {called(parts[item.name])}"
+                self._collector.add(item, "name", "FS030", message, rename("give it another name"))
 
 
 def _slower(speed: m.Quantity) -> str:
     """Return half a speed as text."""
     half = m.Quantity(value=(speed.value / 2).normalize(), unit=speed.unit)
     return written(half)
-
-
-def _half(item: m.Item) -> float:
-    """Return half the length that an object covers along its road, m."""
-    return number(item.width, 4.0) / 2 if isinstance(item, m.Zebra) else 0.0
 
 
 def _width(road: m.Road) -> float:

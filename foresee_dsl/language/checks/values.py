@@ -10,7 +10,7 @@ from foresee_dsl.helps import meant_code, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
@@ -39,7 +39,7 @@ _ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogu
 """Names, for messages, of the kinds of files that hold values but no calculations."""
 
 
-def check_values(findings: Findings, model: m.Definition) -> None:
+def check_values(collector: Collector, model: m.Definition) -> None:
     """Check every value of a definition."""
     body = model.body if isinstance(model, m.Scenario) else ()
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
@@ -49,41 +49,41 @@ def check_values(findings: Findings, model: m.Definition) -> None:
     for item in walk(model):
         compares = isinstance(item, m.Comparison | m.Equals) and id(item) not in required
         if compares and isinstance(item, m.Comparison | m.Equals) and not isinstance(item.left, m.Measure):
-            _not_about_the_world(findings, item)
+            _not_about_the_world(collector, item)
             continue
         if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure) and isinstance(item.right, m.Quantity):
             needed = m.MEASURED[item.left.what]
             if item.right.dimension != needed:
-                findings.wrong_dimension(item, "right", item.right, needed)
+                collector.wrong_dimension(item, "right", item.right, needed)
         if isinstance(item, m.KeepsGap):
-            _check_gap(findings, item, types)
+            _check_gap(collector, item, types)
         for field, value in fields_of(item):
             if isinstance(value, m.Ref):
-                _check_reference(findings, parameters, item, field, value)
+                _check_reference(collector, parameters, item, field, value)
             elif isinstance(value, m.Quantity):
-                _check_limits(findings, item, field, value)
+                _check_limits(collector, item, field, value)
             elif not isinstance(value, m.Expression) or isinstance(item, m.EXPRESSIONS):
                 continue
             elif only_values:
                 from foresee_dsl.language.checks.expressions import refuse
 
-                refuse(findings, only_values, item, field, value)
+                refuse(collector, only_values, item, field, value)
             elif id(item) not in required and not isinstance(item, m.Assignment):  # `check_parameters` checks these
                 from foresee_dsl.language.checks.expressions import check_expression
 
-                check_expression(findings, item, field, value, _needed(item, field), types)
-    if isinstance(model, m.Scenario) and not findings:
-        _check_results(findings, model)
+                check_expression(collector, item, field, value, _needed(item, field), types)
+    if isinstance(model, m.Scenario) and not collector:
+        _check_results(collector, model)
 
 
-def _check_gap(findings: Findings, item: m.KeepsGap, types: Mapping[str, str]) -> None:
+def _check_gap(collector: Collector, item: m.KeepsGap, types: Mapping[str, str]) -> None:
     """Report a gap that is neither a time nor a length."""
     gap = item.gap
     if isinstance(gap, m.Quantity) and gap.dimension not in ("time", "length"):
-        findings.wrong_dimension(item, "gap", gap, "time")
+        collector.wrong_dimension(item, "gap", gap, "time")
     elif isinstance(gap, m.Ref) and types.get(gap.name, "time") not in ("time", "length"):
         message = f"'{gap.name}' is of type {types[gap.name]}, but a gap is a time or a length"
-        findings.add(item, "gap", "FS032", message, of_type("time", types, findings.example("time")))
+        collector.add(item, "gap", "FS032", message, of_type("time", types, collector.example("time")))
 
 
 def _needed(item: m.Item, field: str) -> Dimension | None:
@@ -93,7 +93,7 @@ def _needed(item: m.Item, field: str) -> Dimension | None:
     return form_of(type(item), field.partition(".")[0]).dimension
 
 
-def _check_results(findings: Findings, scenario: m.Scenario) -> None:
+def _check_results(collector: Collector, scenario: m.Scenario) -> None:
     """Report values that do not fit their place in some case (written or drawn); without cases, with the defaults."""
     places = list(uses(scenario.body))
     if not places:
@@ -102,8 +102,8 @@ def _check_results(findings: Findings, scenario: m.Scenario) -> None:
     cases = [(case.name, case_values(scenario, case)) for case in (*written_cases, *_drawn(scenario))]
     if not written_cases and not scenario.all(m.Cases):
         cases = [("", case_values(scenario, None))]
-    for wrong in unfit(places, cases):
-        findings.add(wrong.item, wrong.field, wrong.code, wrong.message, wrong.help)
+    for error in unfit(places, cases):
+        collector.add(*error)
 
 
 def _drawn(scenario: m.Scenario) -> Iterator[m.Case]:
@@ -121,7 +121,7 @@ _A_MODEL = {
 """An example model of each class, for the help when the author wrote only the class."""
 
 
-def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
+def _not_about_the_world(collector: Collector, item: m.Comparison | m.Equals) -> None:
     """Report a parameter in the place of a measured quantity: a parameter never changes during the run."""
     name = written(item.left)
     help = (
@@ -131,21 +131,21 @@ def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> N
         + write(f"require {written(item)}")
         + " in the scenario"
     )
-    findings.add(item, "left", "FS052", f"'{name}' does not change during the run", help)
+    collector.add(item, "left", "FS052", f"'{name}' does not change during the run", help)
 
 
-def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantity) -> None:
+def _check_limits(collector: Collector, item: m.Item, field: str, value: m.Quantity) -> None:
     form = form_of(type(item), field)
     bounds = form.bounds
     if bounds is None or bounds.low <= value.si <= bounds.high:
         return
     size = "small" if value.si < bounds.low else "large"
     message = f"`{written(value)}` is too {size} for `{word_before(type(item), field)}`"
-    findings.add(item, field, out_of_bounds(item), message, limit(bounds, value))
+    collector.add(item, field, out_of_bounds(item), message, limit(bounds, value))
 
 
 def _check_reference(
-    findings: Findings, parameters: Mapping[str, m.Param], item: m.Item, field: str, reference: m.Ref
+    collector: Collector, parameters: Mapping[str, m.Param], item: m.Item, field: str, reference: m.Ref
 ) -> None:
     parameter = parameters.get(reference.name)
     if parameter is None:
@@ -153,15 +153,15 @@ def _check_reference(
         if word_of(type(item), field) == "model" and closest(reference.name, parameters) is None:
             help = _A_MODEL.get(reference.name, "models are called class.variant, such as " + write("car.compact"))
         if not help and (dimension := form_of(type(item), field).dimension) is not None:
-            help = "write " + findings.example(dimension)
-        findings.add(item, field, "FS031", "unknown parameter '" + subject(reference.name) + "'", help)
+            help = "write " + collector.example(dimension)
+        collector.add(item, field, "FS031", "unknown parameter '" + subject(reference.name) + "'", help)
         return
     word = word_of(type(item), field.partition(".")[0])
     if word is not None:
         if parameter.type != word:
             help = of_type(word, {name: declared.type for name, declared in parameters.items()})
             message = f"'{reference.name}' is of type {parameter.type}, which does not fit here"
-            findings.add(item, field, "FS032", message, help)
+            collector.add(item, field, "FS032", message, help)
         return
     needed: Dimension | None = form_of(type(item), field).dimension
     if isinstance(item, m.Comparison):
@@ -172,7 +172,7 @@ def _check_reference(
         return
     message = f"'{reference.name}' is of type {parameter.type}, but {NOUNS[needed]} is needed here"
     types = {name: declared.type for name, declared in parameters.items()}
-    findings.add(item, field, "FS032", message, of_type(needed, types, findings.example(needed)))
+    collector.add(item, field, "FS032", message, of_type(needed, types, collector.example(needed)))
 
 
 def word_of(kind: type[m.Item], field: str) -> ParamType | None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from typing import get_args
 
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.lints.roads import Roads, junctions_of
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import walk
@@ -19,13 +19,13 @@ _SLACK = 1.01
 same)."""
 
 
-def actor_lints(case: TestCase) -> Iterator[LintFinding]:
-    """Yield the lints about one concrete scenario's actors and their actions."""
+def actor_lints(lints: Collector, case: TestCase) -> None:
+    """Report actions that an actor of one concrete scenario cannot do, and speeds that it cannot reach."""
     actors: dict[str, m.Ego | m.Actor] = {actor.name: actor for actor in case.scenario.actors}
     for actor in actors.values():
         for item in actor.body:
             if isinstance(item, m.StartSpeed | m.CruiseSpeed):
-                yield from _too_fast(item, "speed", item.speed, actor, case.models)
+                _too_fast(lints, item, "speed", item.speed, actor, case.models)
     for when in case.scenario.all(m.When):
         for action in walk(when):
             actor_ = actors.get(getattr(action, "actor", ""))
@@ -33,9 +33,9 @@ def actor_lints(case: TestCase) -> Iterator[LintFinding]:
                 continue  # any car may open a door, also the ego and a parked one
             reason = _cannot(action, actor_)
             if reason:
-                yield LintFinding(action, "", "FS305", *reason)
+                lints.add(action, "", "FS305", *reason)
             elif isinstance(action, m.ChangesSpeed):
-                yield from _too_fast(action, "to", action.to, actor_, case.models)
+                _too_fast(lints, action, "to", action.to, actor_, case.models)
 
 
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, HelpText] | None:
@@ -74,8 +74,13 @@ def _cannot_leave(action: m.Item, name: str, statements: Collection[type[m.Item]
 
 
 def _too_fast(
-    item: m.Item, field: str, speed: m.Value, actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel]
-) -> Iterator[LintFinding]:
+    lints: Collector,
+    item: m.Item,
+    field: str,
+    speed: m.Value,
+    actor: m.Ego | m.Actor,
+    models: Mapping[str, m.VehicleModel],
+) -> None:
     model = models.get(actor.model) if isinstance(actor.model, str) else None
     top = model.max_speed if model is not None else None
     if model is None or not isinstance(top, m.Quantity) or not isinstance(speed, m.Quantity):
@@ -83,28 +88,26 @@ def _too_fast(
     if speed.si > top.si * _SLACK:
         message = f"'{actor.name}' cannot reach {written(speed)}: the maximum of {model.name} is {written(top)}"
         help = "use at most " + write(written(top)) + ", or a faster model"
-        yield LintFinding(item, field, "FS308", message, help)
+        lints.add(item, field, "FS308", message, help)
 
 
-def route_lints(case: TestCase) -> Iterator[LintFinding]:
-    """Yield the lints about one concrete scenario's routes; none if the network is a foreign file."""
+def route_lints(lints: Collector, case: TestCase) -> None:
+    """Report gaps in one concrete scenario's routes and measures beside them; none if the network is a foreign file."""
     if not isinstance(case.network, m.Network):
         return
     roads = Roads(case.network)
     passed: dict[str, set[str]] = {}
     for actor in case.scenario.actors:
         for item in actor.body:
-            gap = _gap(item, roads)
-            if gap is not None:
-                yield gap
-            elif (junctions := junctions_of(item, roads)) is not None:
+            if not _has_gap(lints, item, roads) and (junctions := junctions_of(item, roads)) is not None:
                 passed[actor.name] = junctions
     for statement in case.scenario.body:
         if isinstance(statement, m.When | m.Expect):
-            yield from _off_the_way(statement, roads, passed)
+            _off_the_way(lints, statement, roads, passed)
 
 
-def _gap(item: m.Item, roads: Roads) -> LintFinding | None:
+def _has_gap(lints: Collector, item: m.Item, roads: Roads) -> bool:
+    """Report the first gap of a route; return whether it has one."""
     if isinstance(item, m.EdgeRoute) and not item.shortest:
         for first, second in zip(item.edges, item.edges[1:], strict=False):
             if first in roads.edges and second in roads.edges and roads.edges[first][1] != roads.edges[second][0]:
@@ -112,29 +115,31 @@ def _gap(item: m.Item, roads: Roads) -> LintFinding | None:
                     f"'{first}' ends at {roads.edges[first][1]}, but '{second}' begins at {roads.edges[second][0]}"
                 )
                 help = "write " + write(f"[{first}, ..., {second}]") + " for the shortest way between them"
-                return LintFinding(item, "edges", "FS309", message, help)
+                lints.add(item, "edges", "FS309", message, help)
+                return True
     if isinstance(item, m.Route) and isinstance(item.start, str):
-        return _gap_between_legs(item, roads)
-    return None
+        return _has_gap_between_legs(lints, item, roads)
+    return False
 
 
-def _gap_between_legs(route: m.Route, roads: Roads) -> LintFinding | None:
+def _has_gap_between_legs(lints: Collector, route: m.Route, roads: Roads) -> bool:
     edges = [edge for edge in (str(route.start), f"{route.start}_back") if edge in roads.edges]
     before = f"road '{route.start}'"
     for leg in route.legs:
         junction = leg.junction
         if not edges or junction not in roads.junctions or not isinstance(junction, str):
-            return None  # an unknown name, which is reported elsewhere
+            return False  # an unknown name, which is reported elsewhere
         reached = roads.reached(edges)
         if junction not in reached:
             help = "write the turn first that goes over " + one_of(sorted(reached), " or ")
-            return LintFinding(leg, "junction", "FS309", f"{before} does not lead to '{junction}'", help)
+            lints.add(leg, "junction", "FS309", f"{before} does not lead to '{junction}'", help)
+            return True
         edges = roads.leaving(junction)
         before = f"the way over '{junction}'"
-    return None
+    return False
 
 
-def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> Iterator[LintFinding]:
+def _off_the_way(lints: Collector, statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> None:
     for part in walk(statement):
         if not isinstance(part, m.Measure) or part.what not in ("eta", "distance") or part.actor not in passed:
             continue
@@ -143,4 +148,4 @@ def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, s
                 f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` never has a value"
             )
             help = "its route goes over " + (one_of(sorted(passed[part.actor])) or "no junction")
-            yield LintFinding(part, "other", "FS304", message, help)
+            lints.add(part, "other", "FS304", message, help)

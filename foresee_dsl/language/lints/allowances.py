@@ -56,7 +56,7 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
             source = lines[span.line - 1]
             help = remove("remove the comment")
             reported.append(diagnostic_of("FS312", message, help, document.path, span, source))
-    return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column, d.code) if d.span else (0, 0, d.code)))
+    return tuple(sorted(reported, key=lambda d: (*d.start, d.code)))
 
 
 def _allowed(diagnostic: Diagnostic, allowances: Sequence[_Allowance]) -> bool:

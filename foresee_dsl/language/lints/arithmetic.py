@@ -8,7 +8,7 @@ from typing import assert_never
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import references
-from foresee_dsl.language.lints.finding import LintFinding
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import walk
 
@@ -16,8 +16,8 @@ Interval = tuple[float, float]
 _EVERYTHING = (-math.inf, math.inf)
 
 
-def divisions_by_zero(scenario: m.Scenario) -> Iterator[LintFinding]:
-    """Yield the lints about divisions whose divisor can be zero within the parameters' ranges."""
+def divisions_by_zero(lints: Collector, scenario: m.Scenario) -> None:
+    """Report divisions whose divisor can be zero within the parameters' ranges."""
     quotients = [
         part
         for item in scenario.body
@@ -37,7 +37,7 @@ def divisions_by_zero(scenario: m.Scenario) -> Iterator[LintFinding]:
         by = written(quotient.right)
         message = f"`{written(quotient)}` has no value if `{by}` is 0, which the range of '{names[0]}' allows"
         help = f"exclude zero: `require {names[0]} > 0{_unit(scenario, names[0])}`, or use another range"
-        yield LintFinding(quotient, "", "FS314", message, help)
+        lints.add(quotient, "", "FS314", message, help)
 
 
 def _takes_zero(scenario: m.Scenario, name: str) -> bool:

@@ -4,14 +4,14 @@ reaches."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.certain import About, Limits, always, earliest_s, never
-from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.lints.roads import Roads, junctions_of
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
@@ -21,14 +21,14 @@ _HELP = "change the condition, or " + remove("remove the actions that wait for i
 _ROUNDING_S = 1e-6
 
 
-def certain_conditions(case: TestCase) -> Iterator[LintFinding]:
-    """Yield the lints about triggers and expectations whose result is certain before the run."""
+def certain_conditions(lints: Collector, case: TestCase) -> None:
+    """Report triggers and expectations whose result is certain before the run."""
     limits = _limits_of(case)
     actions = tuple(action for when in case.scenario.all(m.When) for action in all_actions(when.actions))
     for when in case.scenario.all(m.When):
-        yield from _dead_triggers(when, limits, actions)
+        _dead_triggers(lints, when, limits, actions)
     for expect in case.scenario.all(m.Expect):
-        yield from _decided(expect, limits)
+        _decided(lints, expect, limits)
 
 
 def _limits_of(case: TestCase) -> Limits:
@@ -64,21 +64,20 @@ def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozense
     return frozenset((*reached, *begins))
 
 
-def _dead_triggers(when: m.When, limits: Limits, others: Sequence[m.Action]) -> Iterator[LintFinding]:
-    """Yield the lints about a trigger that cannot fire or has steps that no run reaches; `others` are all actions of
-    the scenario."""
+def _dead_triggers(lints: Collector, when: m.When, limits: Limits, others: Sequence[m.Action]) -> None:
+    """Report a trigger that cannot fire or has steps that no run reaches; `others` are all actions of the scenario."""
     reason = never(when.condition, limits)
     if reason:
-        yield _never_happens(when, reason)
+        _never_happens(lints, when, reason)
         return  # no run reaches the steps after it either
-    yield from _dead_parts(when.condition, limits)
-    yield from _dead_steps(when.actions, earliest_s(when.condition), limits, others)
+    _dead_parts(lints, when.condition, limits)
+    _dead_steps(lints, when.actions, earliest_s(when.condition), limits, others)
 
 
 def _dead_steps(
-    actions: Sequence[m.Action], begins_s: float, limits: Limits, others: Sequence[m.Action]
-) -> Iterator[LintFinding]:
-    """Yield the lints about the steps of a block; `begins_s` is the earliest time at which the block begins, s."""
+    lints: Collector, actions: Sequence[m.Action], begins_s: float, limits: Limits, others: Sequence[m.Action]
+) -> None:
+    """Report the steps of a block that no run reaches; `begins_s` is the earliest time at which the block begins, s."""
     done_s, endless = begins_s, ""
     for action in actions:
         if not isinstance(action, m.Then):
@@ -93,11 +92,11 @@ def _dead_steps(
         elif not reason and starts_s > limits.end_s + _ROUNDING_S:
             reason = f"it begins at {starts_s:g} s at the earliest, but the run ends after {limits.end_s:g} s"
         if reason:
-            yield _never_happens(action, reason)
+            _never_happens(lints, action, reason)
             return
         if condition is not None:
-            yield from _dead_parts(condition, limits)
-        yield from _dead_steps(action.actions, starts_s, limits, others)
+            _dead_parts(lints, condition, limits)
+        _dead_steps(lints, action.actions, starts_s, limits, others)
         done_s = max(done_s, starts_s)
 
 
@@ -116,12 +115,12 @@ def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
     return "" if any(replaced) else written(action)
 
 
-def _never_happens(item: m.When | m.Then, reason: str) -> LintFinding:
-    return LintFinding(item, "condition" if item.condition is not None else "", "FS303",
-                 f"this can never happen: {reason}", _HELP)  # fmt: skip
+def _never_happens(lints: Collector, item: m.When | m.Then, reason: str) -> None:
+    field = "condition" if item.condition is not None else ""
+    lints.add(item, field, "FS303", f"this can never happen: {reason}", _HELP)
 
 
-def _decided(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
+def _decided(lints: Collector, expect: m.Expect, limits: Limits) -> None:
     until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
     if until > limits.end_s and expect.within is not None:
         message = (
@@ -129,15 +128,15 @@ def _decided(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
             "expectation are over"
         )
         help = "write " + write(f"end after {written(expect.within)}") + ", or give the expectation a shorter time"
-        yield LintFinding(expect, "within", "FS306", message, help)
+        lints.add(expect, "within", "FS306", message, help)
     inside = replace(limits, end_s=min(until, limits.end_s))
     cannot, must = never(expect.condition, inside), always(expect.condition, inside)
     if not (cannot or must):
-        yield from _dead_parts(expect.condition, inside)
+        _dead_parts(lints, expect.condition, inside)
         return
     met = bool(cannot) if expect.mode == "never" else bool(must)
     message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
-    yield LintFinding(
+    lints.add(
         expect,
         "condition",
         "FS307",
@@ -146,27 +145,26 @@ def _decided(expect: m.Expect, limits: Limits) -> Iterator[LintFinding]:
     )
 
 
-def _dead_parts(condition: m.Condition, limits: Limits) -> Iterator[LintFinding]:
-    """Yield the lints about those parts of a condition whose result is certain although the result of the whole
-    condition is not."""
+def _dead_parts(lints: Collector, condition: m.Condition, limits: Limits) -> None:
+    """Report those parts of a condition whose result is certain although the result of the whole condition is not."""
     for part in parts(condition):
         if part is condition or isinstance(part, m.Not | m.Sustained):
             continue
         dead, certain = never(part, limits), always(part, limits)
         if dead or certain:
             message = f"`{written(part)}` {'can never hold' if dead else 'always holds'}: {dead or certain}"
-            yield LintFinding(part, "", "FS315", message, remove("remove this part") + ", or write what was meant")
+            lints.add(part, "", "FS315", message, remove("remove this part") + ", or write what was meant")
             return  # the parts around it are certain for the same reason
 
 
-def dead_requirements(scenario: m.Scenario) -> Iterator[LintFinding]:
-    """Yield the lints about requirements that every case meets, or that no case meets."""
+def dead_requirements(lints: Collector, scenario: m.Scenario) -> None:
+    """Report requirements that every case meets, or that no case meets."""
     limits = Limits(math.inf, {}, {parameter.name: parameter for parameter in scenario.all(m.Param)})
     for require in scenario.all(m.Require):
         dead, certain = never(require.condition, limits), always(require.condition, limits)
         if dead or certain:
             message = f"{'no case meets this' if dead else 'every case meets this'}: {dead or certain}"
-            yield LintFinding(
+            lints.add(
                 require,
                 "condition",
                 "FS315",
@@ -174,23 +172,23 @@ def dead_requirements(scenario: m.Scenario) -> Iterator[LintFinding]:
                 "change the requirement, or " + remove("remove it"),
             )
         else:
-            yield from _dead_parts(require.condition, limits)
+            _dead_parts(lints, require.condition, limits)
 
 
-def blind_actors(case: TestCase) -> Iterator[LintFinding]:
-    """Yield the errors about `sees` for an actor other than the ego, which alone has sensors."""
+def blind_actors(lints: Collector, case: TestCase) -> None:
+    """Report `sees` for an actor other than the ego, which alone has sensors."""
     for statement in case.scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Sees) and part.actor != "ego":
                 message = f"'{part.actor}' has no sensors: only the ego sees"
                 help = "write " + write(f"{part.other} in sight of {part.actor}")
-                yield LintFinding(part, "actor", "FS316", message, help)
+                lints.add(part, "actor", "FS316", message, help)
 
 
-def of_itself(case: TestCase) -> Iterator[LintFinding]:
-    """Yield the lints about measures between an actor and itself."""
+def of_itself(lints: Collector, case: TestCase) -> None:
+    """Report measures between an actor and itself."""
     for statement in case.scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Measure) and part.actor is not None and part.actor == part.other:
                 message = f"`{written(part)}` is measured between '{part.actor}' and itself"
-                yield LintFinding(part, "other", "FS315", message, "name two different actors")
+                lints.add(part, "other", "FS315", message, "name two different actors")

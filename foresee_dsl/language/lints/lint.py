@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
 
-from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.helps import remove, write
+from foresee_dsl.errors import Diagnostic, MessageText, Span
+from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by
 from foresee_dsl.language.codes import diagnostic_of
@@ -15,8 +14,8 @@ from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.arithmetic import divisions_by_zero
 from foresee_dsl.language.lints.dead_text import blind_actors, certain_conditions, dead_requirements, of_itself
-from foresee_dsl.language.lints.finding import LintFinding
 from foresee_dsl.language.meaning import file_pin
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
@@ -28,36 +27,51 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     `cases`: the test cases of the file (none for a network or a catalogue). A lint of several cases is reported once.
     Clips and mutants have no lints of their own: the lints belong to their parents.
     """
-    lints: dict[tuple[Span | None, str], Diagnostic] = {}
+    lints = _Lints(document)
     if isinstance(document.model, m.Scenario):
         for scenario_lint in _SCENARIO_LINTS:
-            for finding in scenario_lint(document.model):
-                _add(lints, document, finding)
+            scenario_lint(lints, document.model)
     for case in cases:
         if case.clip is None and case.mutant is None:
-            places = _places(case, document.model)
+            lints.statements = _statements(case, document.model)
             for case_lint in _CASE_LINTS:
-                for finding in case_lint(case):
-                    _add(lints, document, replace(finding, item=places.get(id(finding.item), finding.item)))
-    return without_allowed(document, [*lints.values(), *hidden_characters(document.text, document.path)])
+                case_lint(lints, case)
+    return without_allowed(document, [*lints.each_once(), *hidden_characters(document.text, document.path)])
 
 
-def _add(lints: dict[tuple[Span | None, str], Diagnostic], document: Document, finding: LintFinding) -> None:
-    if document.span(finding.item) is None:
-        return  # it is written in a file that this one extends, which is checked on its own
-    diagnostic = document.diagnostic(finding.item, finding.field, finding.code, finding.message, finding.help)
-    span = diagnostic.span
-    # Only the first line is underlined, because a whole underlined block is unreadable.
-    if span is not None and span.end_line != span.line:
-        end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
-        span = Span(span.line, span.column, span.line, max(end, span.column + 1))
-    lints.setdefault((span, finding.code), replace(diagnostic, span=span))
+class _Lints(Collector):
+    """Collects the lints of a file.
+
+    Attributes:
+        statements: the statement in the file for each item of a concrete scenario, by the id of the concrete item.
+    """
+
+    def __init__(self, document: Document) -> None:
+        super().__init__(document)
+        self.statements: Mapping[int, m.Item] = {}
+        self._file = document
+
+    def add(
+        self, item: m.Item | None, field: str, code: str, message: MessageText, help: HelpText = "",
+        *, head_only: bool = True,
+    ) -> None:  # fmt: skip
+        """Add a lint, unless its item is written in a file that this one extends, which is checked on its own."""
+        statement = self.statements.get(id(item), item)
+        if statement is not None and self._file.span(statement) is not None:
+            super().add(statement, field, code, message, help, head_only=head_only)
+
+    def each_once(self) -> Iterable[Diagnostic]:
+        """Return the first lint of each place and code: several cases may have the same one in other words."""
+        lints: dict[tuple[Span | None, str], Diagnostic] = {}
+        for diagnostic in self:
+            lints.setdefault((diagnostic.span, diagnostic.code), diagnostic)
+        return lints.values()
 
 
 # ---- lints of the text ----------------------------------------------------------------------------------------------
 
 
-def _unused_parameters(scenario: m.Scenario) -> Iterator[LintFinding]:
+def _unused_parameters(lints: Collector, scenario: m.Scenario) -> None:
     users = (item for item in scenario.body if not isinstance(item, m.Case))
     used = {part.name for item in users for part in walk(item) if isinstance(part, m.Ref)}
     types = {parameter.name: parameter.type for parameter in scenario.all(m.Param)}
@@ -66,16 +80,16 @@ def _unused_parameters(scenario: m.Scenario) -> Iterator[LintFinding]:
     for parameter in scenario.all(m.Param):
         if parameter.name not in used:
             help = "write " + write(parameter.name) + " where its value belongs, or " + remove("remove it")
-            yield LintFinding(parameter, "name", "FS301", f"nothing uses parameter '{parameter.name}'", help)
+            lints.add(parameter, "name", "FS301", f"nothing uses parameter '{parameter.name}'", help)
 
 
-def _dead_cases(scenario: m.Scenario) -> Iterator[LintFinding]:
+def _dead_cases(lints: Collector, scenario: m.Scenario) -> None:
     seen: dict[tuple[tuple[str, object], ...], str] = {}
     for case in scenario.all(m.Case):
         key = tuple(sorted((name, _comparable(value)) for name, value in case_values(scenario, case).items()))
         if key in seen:
             message = f"case '{case.name}' has the same values as case '{seen[key]}'"
-            yield LintFinding(case, "name", "FS302", message, "change a value, or " + remove("remove one of the two"))
+            lints.add(case, "name", "FS302", message, "change a value, or " + remove("remove one of the two"))
         seen.setdefault(key, case.name)
 
 
@@ -86,24 +100,22 @@ def _comparable(value: m.ParamValue) -> object:
 # ---- lints of a test case -------------------------------------------------------------------------------------------
 
 
-def _nothing_expected(case: TestCase) -> Iterator[LintFinding]:
+def _nothing_expected(lints: Collector, case: TestCase) -> None:
     scenario = case.scenario
     named = {getattr(part, field, None) for expect in scenario.all(m.Expect) for part in walk(expect)
              for field in ("actor", "other", "name")}  # fmt: skip
     if "ego" in named:
         return
     message = f"scenario '{scenario.name}' expects nothing of the ego"
-    yield LintFinding(
-        scenario, "name", "FS310", message, "add " + write("expect never collision(ego)") + ", for example"
-    )
+    lints.add(scenario, "name", "FS310", message, "add " + write("expect never collision(ego)") + ", for example")
 
 
-def _not_pinned(case: TestCase) -> Iterator[LintFinding]:
+def _not_pinned(lints: Collector, case: TestCase) -> None:
     used = case.scenario.first(m.UseTracks)
     if used is not None and used.pin is None and case.tracks is not None:
         message = f"'{used.path}' is not pinned, so nothing notices when it changes"
         help = "write " + write(f'use tracks "{used.path}" pin {file_pin(case.tracks)}')
-        yield LintFinding(used, "", "FS317", message, help)
+        lints.add(used, "", "FS317", message, help)
 
 
 _SCENARIO_LINTS = (_unused_parameters, _dead_cases, divisions_by_zero, dead_requirements)
@@ -123,7 +135,7 @@ _CASE_LINTS = (
 # ---- places ---------------------------------------------------------------------------------------------------------
 
 
-def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
+def _statements(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
     """Return the statement in the file for each item of a concrete scenario, by the id of the concrete item."""
     written_items: dict[int, m.Item] = {id(case.scenario): model}
     if not isinstance(model, m.Scenario):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.document import Document
 
@@ -49,7 +49,7 @@ def check_model(
     name: str,
     kind: str | None,
     models: Mapping[str, m.VehicleModel],
-    findings: Findings,
+    collector: Collector,
     *,
     place: tuple[m.Item | None, str],
 ) -> None:
@@ -59,29 +59,29 @@ def check_model(
     """
     item, field = place
     if name not in models:
-        findings.add(item, field, "FS110", f"there is no model '{name}'", did_you_mean(name, models))
+        collector.add(item, field, "FS110", f"there is no model '{name}'", did_you_mean(name, models))
     elif kind is not None and not fits(name, kind):
         wanted = ", ".join(VEHICLE_CLASSES) if kind in ("ego", "vehicle") else kind
         message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot have the model '{name}'"
         near = [model for model in models if fits(model, kind)]
-        findings.add(item, field, "FS038", message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
+        collector.add(item, field, "FS038", message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
 
 
 def check_models(
     scenario: m.Scenario, models: Mapping[str, m.VehicleModel], document: Document | None, case: str | None
 ) -> None:
     """Check all models that a concrete scenario names; `case`: the case with the parameters' values."""
-    findings = Findings(document)
+    collector = Collector(document)
     body = document.model.body if document is not None and isinstance(document.model, m.Scenario | m.Clip) else ()
     written = {item.name: item for item in body if isinstance(item, m.Ego | m.Actor)}
     for actor in scenario.actors:
         if isinstance(actor.model, str):
             place = _place(written.get(actor.name), document, case)
-            check_model(actor.model, actor.kind, models, findings, place=place)
+            check_model(actor.model, actor.kind, models, collector, place=place)
     for traffic in scenario.all(m.Traffic):
         for position, name in enumerate(traffic.models):
-            check_model(name, None, models, findings, place=(traffic, f"models.{position}"))
-    findings.raise_if_any()
+            check_model(name, None, models, collector, place=(traffic, f"models.{position}"))
+    collector.raise_if_any()
 
 
 def _place(actor: m.Ego | m.Actor | None, document: Document | None, case: str | None) -> tuple[m.Item | None, str]:

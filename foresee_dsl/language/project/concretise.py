@@ -11,7 +11,7 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, references
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.document import Document
@@ -44,10 +44,10 @@ def concretise(scenario: m.Scenario, case: str | None, *, document: Document | N
     requirements and cases. Items without references come back as the same objects. `document` gives the errors their
     places.
     """
-    findings = Findings(document)
-    values = _values(scenario, case, findings)
-    body = tuple(_substituted(item, values, case, findings) for item in scenario.body if not isinstance(item, SETTLED))
-    findings.raise_if_any()
+    collector = Collector(document)
+    values = _values(scenario, case, collector)
+    body = tuple(_substituted(item, values, case, collector) for item in scenario.body if not isinstance(item, SETTLED))
+    collector.raise_if_any()
     return m.Scenario(name=scenario.name, body=body)
 
 
@@ -63,7 +63,7 @@ def complaint(error: ValidationError) -> str:
     return "needs a value of another kind"
 
 
-def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[str, m.ParamValue]:
+def _values(scenario: m.Scenario, case: str | None, collector: Collector) -> dict[str, m.ParamValue]:
     if case is None:
         return case_values(scenario, None)
     by_name = {written_case.name: written_case for written_case in scenario.all(m.Case)}
@@ -73,25 +73,25 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
     if case not in by_name:
         message = f"scenario '{scenario.name}' has no case '{case}'"
         help = did_you_mean(case, by_name) or "it has no cases: leave out " + write("::case")
-        findings.add(None, "", "FS100", message, help)
-        findings.raise_if_any()
+        collector.add(None, "", "FS100", message, help)
+        collector.raise_if_any()
     try:
         values = case_values(scenario, by_name[case])
     except ExpressionError as error:
-        findings.add(error.item, "", "FS063", f"in case '{case}', {error.message}", "write another value")
-        findings.raise_if_any()
+        collector.add(error.item, "", "FS063", f"in case '{case}', {error.message}", "write another value")
+        collector.raise_if_any()
         raise
     params = {param.name: param for param in scenario.all(m.Param)}
     for assignment in by_name[case].values:
         param = params.get(assignment.name)
         if param is None:
             message = f"scenario '{scenario.name}' has no parameter '{assignment.name}'"
-            findings.add(assignment, "name", "FS031", message, did_you_mean(assignment.name, values))
+            collector.add(assignment, "name", "FS031", message, did_you_mean(assignment.name, values))
             continue
         if not same_kind(values[assignment.name], param.default):
             message = f"parameter '{param.name}' is of type {param.type}, but {value_text(assignment.value)} is not"
             help = f"write it like the default, {value_text(param.default)}"
-            findings.add(assignment, "value", "FS032", message, help)
+            collector.add(assignment, "value", "FS032", message, help)
     return values
 
 
@@ -104,13 +104,13 @@ def same_kind(first: m.ParamValue, second: m.ParamValue) -> bool:
 
 def settled_network(network: m.Network) -> m.Network:
     """Return a network with its calculations replaced by their values; the same object if it has none."""
-    findings = Findings(None)
-    settled = _substituted(network, {}, None, findings)
-    findings.raise_if_any()
+    collector = Collector(None)
+    settled = _substituted(network, {}, None, collector)
+    collector.raise_if_any()
     return settled
 
 
-def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | None, findings: Findings) -> _ItemT:
+def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | None, collector: Collector) -> _ItemT:
     def replace(owner: m.Item, name: str, part: m.Ref | m.Expression) -> m.ParamValue | m.Ref | m.Expression:
         for ref in references(part):
             if ref.name not in values:
@@ -124,7 +124,7 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
             return evaluate(part, values)
         except ExpressionError as error:
             where = f"in case '{case}', " if case is not None else ""
-            findings.add(
+            collector.add(
                 error.item, "", "FS063", f"{where}{error.message}", "exclude such values with a " + write("require")
             )
             return part
@@ -132,12 +132,12 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
     def unknown(owner: m.Item, name: str, ref: m.Ref) -> None:
         message = f"'{ref.name}' is not a parameter of this scenario"
         units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with " + write("param")
-        findings.add(owner, name, "FS031", message, did_you_mean(ref.name, values) or units)
+        collector.add(owner, name, "FS031", message, did_you_mean(ref.name, values) or units)
 
     def refused(owner: m.Item, name: str, part: m.Ref | m.Expression, error: ValidationError) -> None:
         what = f"parameter '{part.name}'" if isinstance(part, m.Ref) else f"`{value_text(part)}`"
         text = value_text(replace(owner, name, part))
-        findings.add(owner, name, "FS032", f"{what} ({text}) does not fit here: {complaint(error)}")
+        collector.add(owner, name, "FS032", f"{what} ({text}) does not fit here: {complaint(error)}")
 
     return cast(_ItemT, _walk(item, replace, refused))
 

@@ -134,6 +134,9 @@ class TestCase(Displayed):
 class Problem:
     """An error that shows only once the network is known, such as an actor off the road or on top of another one.
 
+    It is not yet a `Diagnostic`, because the compiler works on a concrete scenario and knows no text: it names the
+    actor and the statement at fault, and problems that repeat another are left out before their places are looked up.
+
     `actor`: name of the actor, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
     (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `about`: the name in that statement that is at
     fault, if there is one. `part`: the place or value that is at fault. `field`: the field that holds the name, needed

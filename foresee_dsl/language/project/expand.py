@@ -10,7 +10,7 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.changes import changed_body, weakened
 from foresee_dsl.language.meaning import meaning_hash
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import print_model, remarked, value_text
 from foresee_dsl.language.project.addresses import absolute, relative_to
@@ -35,8 +35,8 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
-    findings = Findings(document, name)
-    ego, length = _essentials(clip, findings)
+    collector = Collector(document, name)
+    ego, length = _essentials(clip, collector)
     actors = tuple(item for item in clip.body if isinstance(item, m.Actor))
     body: tuple[m.ScenarioItem, ...] = (
         *parent.scenario.all(m.Tags),
@@ -69,15 +69,15 @@ def expand_mutant(
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
-    findings = Findings(document, name)
+    collector = Collector(document, name)
     changed: tuple[m.ScenarioItem, ...] = clip_case.scenario.body
     for change in mutant.changes:
-        before, changed = changed, changed_body(change, changed, findings, models=clip_case.models)
+        before, changed = changed, changed_body(change, changed, collector, models=clip_case.models)
         if (softer := weakened(before, changed)) is not None:
             message = f"this makes '{softer}' easier to meet than in the clip, which would hide a failure"
-            findings.add(change, "now", "FS311", message, "leave the expectation as it is, or make it stricter")
-    _check_expected_actors(findings, mutant, clip_case.scenario)
-    findings.raise_if_any()
+            collector.add(change, "now", "FS311", message, "leave the expectation as it is, or make it stricter")
+    _check_expected_actors(collector, mutant, clip_case.scenario)
+    collector.raise_if_any()
     body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.UseTracks | m.Network))
     scenario = _behind_tags(mutant.name, body, *surroundings(clip_case, source.parent))
     meaning = meaning or meaning_hash(scenario, clip_case.network, clip_case.models, clip_case.tracks)
@@ -88,14 +88,14 @@ def expand_mutant(
     )  # fmt: skip
 
 
-def _check_expected_actors(findings: Findings, mutant: m.Mutant, clip: m.Scenario) -> None:
+def _check_expected_actors(collector: Collector, mutant: m.Mutant, clip: m.Scenario) -> None:
     """Report actors of expected results that are neither actors of the clip nor doors of such actors."""
     names = ["ego", *(actor.name for actor in clip.actors if actor.name != "ego")]
     doors = {m.door_name(name, side) for name in names for side in ("left", "right")}
     for item in mutant.body:
         if isinstance(item, m.Expected) and item.actor is not None and item.actor not in (*names, *doors):
             help = did_you_mean(item.actor, names)
-            findings.add(
+            collector.add(
                 item, "actor", "FS037", f"unknown actor '{item.actor}'", help or f"the clip has {', '.join(names)}"
             )
 
@@ -148,15 +148,15 @@ def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.Scenario
     return m.Scenario(name=name, body=(*body[:at], *items, *body[at:]))
 
 
-def _essentials(clip: m.Clip, findings: Findings) -> tuple[m.Ego, m.Quantity]:
+def _essentials(clip: m.Clip, collector: Collector) -> tuple[m.Ego, m.Quantity]:
     """Return the ego and the window's length; raise an error about what is missing."""
     ego, window = _first(clip, m.Ego), _first(clip, m.Window)
     ego_usage = "ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }"
     for word, usage, item in (("ego", ego_usage, ego), ("window", "window 12.40 s..22.40 s", window)):
         if item is None:
-            findings.add(clip, "", "FS044", f"clip '{clip.name}' has no {word}", "write " + write(usage))
-    length = _window_length(window, findings) if window is not None else None
-    findings.raise_if_any()
+            collector.add(clip, "", "FS044", f"clip '{clip.name}' has no {word}", "write " + write(usage))
+    length = _window_length(window, collector) if window is not None else None
+    collector.raise_if_any()
     assert ego is not None and length is not None  # noqa: S101  (`raise_if_any` raised if one is missing)
     return ego, length
 
@@ -165,13 +165,13 @@ def _first(clip: m.Clip, kind: type[_T]) -> _T | None:
     return next((item for item in clip.body if isinstance(item, kind)), None)
 
 
-def _window_length(window: m.Window, findings: Findings) -> m.Quantity | None:
+def _window_length(window: m.Window, collector: Collector) -> m.Quantity | None:
     start, end = window.start, window.end
     if not (isinstance(start, m.Quantity) and isinstance(end, m.Quantity)):
-        findings.add(window, "", "FS039", "the window's times must be values: a clip has no parameters")
+        collector.add(window, "", "FS039", "the window's times must be values: a clip has no parameters")
     elif end.si <= start.si:
         message = f"the window ends ({value_text(end)}) before it begins ({value_text(start)})"
-        findings.add(window, "", "FS039", message, "write the earlier time first")
+        collector.add(window, "", "FS039", message, "write the earlier time first")
     elif start.unit == end.unit:  # exact, in the author's unit
         return m.Quantity(value=end.value - start.value, unit=end.unit)
     else:

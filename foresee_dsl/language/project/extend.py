@@ -15,7 +15,7 @@ from foresee_dsl.helps import HelpText, instead, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.changes import changed_body, weakened
-from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
@@ -66,7 +66,7 @@ class _Joiner:
         self._spans = dict(document.spans)
         self._base_spans = dict(parent.spans)
         self._alive: list[m.Item] = [extension]
-        self._findings = Findings(document)
+        self._collector = Collector(document)
         self._tags = tuple(item for item in extension.body if isinstance(item, m.Tags)) or scenario.all(m.Tags)
         self._docs = tuple(item for item in extension.body if isinstance(item, m.Doc))
         self._expected = tuple(item for item in extension.body if isinstance(item, m.Expected))
@@ -88,7 +88,7 @@ class _Joiner:
                     self._drop(line)
                 case m.Change():
                     self._change(line)
-        self._findings.raise_if_any()
+        self._collector.raise_if_any()
         self._settle_again()
         model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._expected, *self._body))
         self._place(self._spans, model, self._extension)
@@ -105,8 +105,8 @@ class _Joiner:
             self._body = _settled_again(self._extension.name, self._body, self._moved_to)
         except ExpressionError as error:
             item = error.item if not isinstance(error.item, m.Assignment) else self._extension
-            self._findings.add(item, "name", "FS063", error.message, "write another value")
-            self._findings.raise_if_any()
+            self._collector.add(item, "name", "FS063", error.message, "write another value")
+            self._collector.raise_if_any()
 
     def _moved_to(self, was: m.Item, now: m.Item) -> None:
         """Record the places of `was` for `now`, the item that replaces it."""
@@ -124,7 +124,7 @@ class _Joiner:
             span = self._parent.span(existing)
             place = f" (line {span.line} of '{self._parent.path}')" if span is not None else ""
             help = "write " + instead("change", "add") + f" to replace it{place}"
-            self._findings.add(line.item, _named_by(item), "FS127", message, help)
+            self._collector.add(line.item, _named_by(item), "FS127", message, help)
             return
         self._body = (*self._body, item)
 
@@ -135,7 +135,7 @@ class _Joiner:
             help: HelpText = f"give it a name here and in the other scenario, `{word} some_name: ...`"
             if isinstance(item, m.Require):
                 help = "a " + write("require") + " can only be added; to loosen one, change it in the other scenario"
-            self._findings.add(line.item, "", "FS126", message, help)
+            self._collector.add(line.item, "", "FS126", message, help)
             return
         existing = self._like(item)
         if existing is None:
@@ -144,7 +144,7 @@ class _Joiner:
             message = f"'{self._extension.parent}' has no {_called(item)}"
             hint = did_you_mean(name, names) if name else ""
             help = hint or "write " + instead("add", "change") + f": there is no {_word(item)} to change"
-            self._findings.add(line.item, _named_by(item), "FS126", message, help)
+            self._collector.add(line.item, _named_by(item), "FS126", message, help)
             return
         self._body = tuple(item if old is existing else old for old in self._body)
 
@@ -156,24 +156,24 @@ class _Joiner:
             help: HelpText = "write the name behind it: " + write(
                 f"drop {line.what} {names[0] if names else 'some_name'}"
             )
-            self._findings.add(line, "", "FS126", f"this does not name the {line.what} to drop", help)
+            self._collector.add(line, "", "FS126", f"this does not name the {line.what} to drop", help)
         elif line.name is not None and single:
             help = "write " + write(f"drop {line.what}")
-            self._findings.add(line, "name", "FS126", f"`drop {line.what}` takes no name", help)
+            self._collector.add(line, "name", "FS126", f"`drop {line.what}` takes no name", help)
         elif not gone:
             other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, names) if line.name else ""
             if other is not None:
                 help = f"it is a {other.kind}: write " + write(f"drop {other.kind} {other.name}")
-            self._findings.add(line, "name" if line.name else "", "FS126", message, help)
+            self._collector.add(line, "name" if line.name else "", "FS126", message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))
 
     def _change(self, line: m.Change) -> None:
         place = f"'{self._extension.parent}'"
         before = self._body
-        self._body = changed_body(line, before, self._findings, place=place, parameters=self._parameters)
+        self._body = changed_body(line, before, self._collector, place=place, parameters=self._parameters)
         for item in self._body:
             if not any(item is old for old in before):
                 self._place(self._spans, item, line, whole=True)

@@ -8,13 +8,13 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from foresee_dsl.errors import Span
+from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, unit_hint
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.syntax.node import Node
 
 _SHOWN = 40
 """Maximum number of characters of a value that a message repeats."""
@@ -26,7 +26,7 @@ class Builder:
     def __init__(self, *, partial: bool = False) -> None:
         """Make a builder; `partial`: parts of the tree are missing, so a missing field is not an error."""
         self.spans: dict[tuple[int, str], Span] = {}
-        self.errors: list[TextError] = []
+        self.errors: list[Diagnostic] = []
         self._partial = partial
 
     def build(self, node: Node) -> m.Item | None:
@@ -79,14 +79,14 @@ class Builder:
             self.errors.append(_error(node, field, detail, place))
 
 
-def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextError:
+def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> Diagnostic:
     text_shown = _short(detail["input"])
     if field == "unit":
-        return TextError("FS005", f"unknown unit '{text_shown}'", unit_hint(str(detail["input"])), place)
+        return Diagnostic.of("FS005", f"unknown unit '{text_shown}'", unit_hint(str(detail["input"])), span=place)
     text, limits = str(detail["input"]), detail.get("ctx", {})
     match detail["type"]:
         case "missing":
-            error = TextError("FS014", f"{_what(node)} needs `{field}`", "add a " + write(field), _head(node))
+            error = Diagnostic.of("FS014", f"{_what(node)} needs `{field}`", "add a " + write(field), span=_head(node))
         case "literal_error":
             error = _not_one_of(node, field, text, place)
         case "value_error":
@@ -97,18 +97,22 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
             least = limits.get("min_length", 1)
             what = {"points": "places", "edges": "edges"}.get(field, field)
             message = f"`{_what(node)}` needs at least {least} {what}"
-            error = TextError("FS014", message, f"write {least} or more, with " + write(",") + " between them", place)
+            error = Diagnostic.of(
+                "FS014", message, f"write {least} or more, with " + write(",") + " between them", span=place
+            )
         case "string_too_long" | "string_too_short":
             most = limits.get("max_length")
             help: HelpText = f"use at most {most} characters" if most else "write something between the quotes"
-            error = TextError("FS017", "this text is empty or too long", help, place)
+            error = Diagnostic.of("FS017", "this text is empty or too long", help, span=place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
-            error = TextError("FS016", f"`{text_shown}` is out of range", "use a number between -1e9 and 1e9", place)
+            error = Diagnostic.of(
+                "FS016", f"`{text_shown}` is out of range", "use a number between -1e9 and 1e9", span=place
+            )
         case _:
             help = "the value of " + write(field) + " is of another kind" if field else ""
             if node.kind is m.Change:
                 help = "write a value with its unit, or the name of a model"
-            error = TextError("FS010", f"`{text_shown}` does not fit here", help, place)
+            error = Diagnostic.of("FS010", f"`{text_shown}` does not fit here", help, span=place)
     return error
 
 
@@ -117,7 +121,7 @@ _NOUNS = {
 }  # fmt: skip
 
 
-def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
+def _not_one_of(node: Node, field: str, word: str, place: Span) -> Diagnostic:
     words = form_of(node.kind, field).words
     near = closest(word, words)
     help: HelpText = did_you_mean(word, words) or "write one of " + one_of(words)
@@ -129,42 +133,42 @@ def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
     elif field == "what" and node.kind in (m.Ignores, m.IgnoresRule) and near is None:
         help = "write " + write(f"ignores priority at {word}") + " or " + write(f"ignores signals at {word}")
     noun = _NOUNS.get(field, field)
-    return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
+    return Diagnostic.of("FS012", f"unknown {noun} '{_short(word)}'", help, span=place)
 
 
-def _wrong_dimension(detail: ErrorDetails, text: str, place: Span) -> TextError:
+def _wrong_dimension(detail: ErrorDetails, text: str, place: Span) -> Diagnostic:
     if "whole number" in detail["msg"]:
-        return TextError("FS010", f"`{text}` is not a whole number", "write one such as " + write("2"), place)
+        return Diagnostic.of("FS010", f"`{text}` is not a whole number", "write one such as " + write("2"), span=place)
     error = detail.get("ctx", {}).get("error")
     if not isinstance(error, m.WrongDimensionError):
-        return TextError("FS010", detail["msg"].removeprefix("Value error, "), "", place)
+        return Diagnostic.of("FS010", detail["msg"].removeprefix("Value error, "), "", span=place)
     needed = error.needed
     value = detail["input"]
     help = f"write {NOUNS[needed]} such as " + write(EXAMPLES[needed])
     unit = EXAMPLES[needed].partition(" ")[2]
     if isinstance(value, m.Quantity) and not value.unit:
         help = f"write {NOUNS[needed]} such as " + write(f"{text} {unit}") if unit else help
-        return TextError("FS010", f"`{text}` has no unit, but {NOUNS[needed]} is needed here", help, place)
+        return Diagnostic.of("FS010", f"`{text}` has no unit, but {NOUNS[needed]} is needed here", help, span=place)
     is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
-    return TextError("FS010", f"`{text}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
+    return Diagnostic.of("FS010", f"`{text}` is {is_a}, but {NOUNS[needed]} is needed here", help, span=place)
 
 
-def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
+def _wrong_text(node: Node, field: str, text: str, place: Span) -> Diagnostic:
     if field == "pin":
-        return TextError(
+        return Diagnostic.of(
             "FS019",
             f"`{_short(text)}` is not a pin",
             "a pin is "
             + write("sha256:")
             + " and twelve digits or letters a-f, such as "
             + write("sha256:5ef2c6120a41"),
-            place,
+            span=place,
         )
     if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
         help: HelpText = "models are called class.variant, such as " + write("car.compact")
-        return TextError("FS011", f"`{_short(text)}` is not the name of a model", help, place)
+        return Diagnostic.of("FS011", f"`{_short(text)}` is not the name of a model", help, span=place)
     if not text:
-        return TextError("FS017", f"this {field} is empty", "write something between the quotes", place)
+        return Diagnostic.of("FS017", f"this {field} is empty", "write something between the quotes", span=place)
     import unicodedata
 
     letters = unicodedata.normalize("NFKD", text.lower()).encode("ascii", "ignore").decode()
@@ -172,7 +176,7 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     help = "names are snake_case: small letters a-z, digits and underscores, a letter first"
     if plain and plain != text:
         help += ", such as " + write(_short(plain))
-    return TextError("FS011", f"`{_short(text)}` is not a name", help, place)
+    return Diagnostic.of("FS011", f"`{_short(text)}` is not a name", help, span=place)
 
 
 def _what(node: Node) -> str:

@@ -1,11 +1,10 @@
-"""The records between the tree and the model: a node with the places of its parts, and an error in the text."""
+"""The record between the tree and the model: a node with the places of its parts."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Span
-from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
 
 Key = tuple[str | int, ...]
@@ -31,13 +30,3 @@ class Node:
     places: dict[str, Span] = field(default_factory=dict)
     lines: list[tuple[Key, Span, Node | None]] = field(default_factory=list)
     block: Span | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class TextError:
-    """An error in the text; the parser adds the file and the source line."""
-
-    code: str
-    message: str
-    help: HelpText
-    span: Span

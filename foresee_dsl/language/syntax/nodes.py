@@ -11,13 +11,13 @@ from typing import cast
 
 from lark import Token, Tree
 
-from foresee_dsl.errors import Span
+from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import HelpText, meant_code, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model.pattern import FieldForm, Form, Slot, form_of, read_pattern
-from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS
 
 _Tree = Tree[Token]
@@ -82,7 +82,7 @@ class NodeMaker:
     """Turns the tree of one file into nodes, and collects the errors that the tree's form alone shows."""
 
     def __init__(self, tree: _Tree) -> None:
-        self.errors: list[TextError] = []
+        self.errors: list[Diagnostic] = []
         self._tree = tree
         self.stated: list[Node] = []
         """The statements that define parameters or draw cases."""
@@ -205,7 +205,7 @@ class NodeMaker:
         return _text(child)
 
     def _error(self, code: str, message: str, help: HelpText, span: Span) -> None:
-        self.errors.append(TextError(code, message, help, span))
+        self.errors.append(Diagnostic.of(code, message, help, span=span))
 
     # ---- values ---------------------------------------------------------------------------------------------------
 

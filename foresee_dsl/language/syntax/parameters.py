@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import cast, get_args
 
+from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
@@ -13,7 +14,7 @@ from foresee_dsl.language.arithmetic.dimensions import Dimensions
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.syntax.builder import Builder
-from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import SI_WORD, Dimension
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Ref)
@@ -21,7 +22,7 @@ _Slot = tuple[Node, str, int | None]
 """A value in a statement, by its node, its field, and its index in a list (None if it is not in one)."""
 
 
-def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) -> list[TextError]:
+def settle(statements: Sequence[Node], *, whole: bool, partial: bool = False) -> list[Diagnostic]:
     """Replace each expression in the `param` and `cases` statements of a file by its result, which keeps the
     expression's text; return the errors.
 
@@ -48,7 +49,7 @@ class _Settler:
     """Evaluates the expressions in some statements of one file, and collects the errors."""
 
     def __init__(self, statements: Sequence[Node], *, whole: bool) -> None:
-        self.errors: list[TextError] = []
+        self.errors: list[Diagnostic] = []
         self._statements, self._whole = statements, whole
         self._params = {str(node.fields.get("name")): node for node in statements if node.kind is m.Param}
         types = ((name, node.fields.get("type")) for name, node in self._params.items())
@@ -92,7 +93,7 @@ class _Settler:
         if dimensions.of(expression) is None:
             for mismatch in dimensions.mismatches:
                 place = builder.spans.get((id(mismatch.item), ""), raw.span)
-                self.errors.append(TextError("FS062", mismatch.message, mismatch.help, place))
+                self.errors.append(Diagnostic.of("FS062", mismatch.message, mismatch.help, span=place))
             return nothing
         values = self._defaults(expression, holder, asking)
         if values is None:
@@ -101,7 +102,7 @@ class _Settler:
             result = evaluate(expression, values)
         except ExpressionError as error:
             place = builder.spans.get((id(error.item), ""), raw.span)
-            self.errors.append(TextError("FS063", error.message, "write another value", place))
+            self.errors.append(Diagnostic.of("FS063", error.message, "write another value", span=place))
             return nothing
         fields: dict[str, object] = {"value": result.value, "unit": result.unit, "expression": raw}
         return Node(m.Calculated, raw.span, fields, {"expression": raw.span})
@@ -114,7 +115,7 @@ class _Settler:
             if not self._whole:
                 help = "write a value: the parameters of the extended scenario cannot be used here"
             place = builder.spans.get((id(ref), ""), raw.span)
-            self.errors.append(TextError("FS031", f"unknown parameter '{ref.name}'", help, place))
+            self.errors.append(Diagnostic.of("FS031", f"unknown parameter '{ref.name}'", help, span=place))
         return not unknown
 
     def _defaults(self, expression: m.Item, holder: Node, asking: tuple[str, ...]) -> Mapping[str, m.ParamValue] | None:
@@ -126,7 +127,7 @@ class _Settler:
             if ref.name in chain[:-1]:
                 path = " -> ".join(chain[chain.index(ref.name) :])
                 message = f"'{ref.name}' depends on itself: {path}"
-                self.errors.append(TextError("FS063", message, "write a value", holder.span))
+                self.errors.append(Diagnostic.of("FS063", message, "write a value", span=holder.span))
                 return None
             param = self._params[ref.name]
             self._settle((param, "default", None), (*asking, own) if own else asking)

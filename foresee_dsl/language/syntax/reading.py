@@ -16,6 +16,7 @@ from typing import get_args
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
+from foresee_dsl.errors import Diagnostic
 from foresee_dsl.helps import Help, HelpText, meant_word, move_inside, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import USAGE
@@ -25,7 +26,6 @@ from foresee_dsl.language.syntax.explain import Refusal
 from foresee_dsl.language.syntax.foreign import block_of, without_comments
 from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
-from foresee_dsl.language.syntax.node import TextError
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH
 from foresee_dsl.language.syntax.scan import MOST, Comment, Lines, Raw, scan
 
@@ -68,7 +68,7 @@ class Reading:
     """
 
     tree: _Tree
-    errors: list[TextError]
+    errors: list[Diagnostic]
     text: str
     lines: Lines
     statements: list[Raw]
@@ -84,7 +84,10 @@ def read(text: str, most: int = MOST) -> Reading:
     if errors:
         elses = {error.span for error in errors if error.code == CODE}  # `} else {` is reported as one error
         errors = [error for error in errors if error.code == CODE or error.span not in elses]
-    others = [TextError(CODE, remark.message, remark.help, lines.span(remark.start, remark.end)) for remark in foreign]
+    others = [
+        Diagnostic.of(CODE, remark.message, remark.help, span=lines.span(remark.start, remark.end))
+        for remark in foreign
+    ]
     return Reading(tree, [*others, *errors], readable, lines, reader.statements, reader.comments)
 
 
@@ -203,37 +206,37 @@ class _Reader:
         _shift(tree, line - 1, column - 1)
         return tree
 
-    def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> TextError:
+    def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> Diagnostic:
         label = _LABEL.match(head)
         if label is not None and label[1] in m.TAKEN:
             place = self.lines.span(raw.start + label.start(1), raw.start + label.end(1))
-            return TextError(
+            return Diagnostic.of(
                 "FS049",
                 f"'{label[1]}' is a word of the language",
                 rename("give it another label", everywhere=True),
-                place,
+                span=place,
             )
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)
         place = self.lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
-        return TextError(refusal.code, refusal.message, refusal.help, place)
+        return Diagnostic.of(refusal.code, refusal.message, refusal.help, span=place)
 
-    def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> TextError:
+    def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> Diagnostic:
         place = self.lines.span(raw.open, raw.open + 1)
         word = self._word(raw)
         if raw.start == raw.end:
-            return TextError("FS003", "this block has no statement in front of it", _NO_HEAD, place)
+            return Diagnostic.of("FS003", "this block has no statement in front of it", _NO_HEAD, span=place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
-            return TextError("FS003", f"`{word}` takes no block", "write it like " + write(USAGE[word]), place)
-        return TextError(refusal.code, refusal.message, refusal.help, place)
+            return Diagnostic.of("FS003", f"`{word}` takes no block", "write it like " + write(USAGE[word]), span=place)
+        return Diagnostic.of(refusal.code, refusal.message, refusal.help, span=place)
 
     def _word(self, raw: Raw, index: int = 0) -> str:
         words = self._text[raw.start : raw.end].split(maxsplit=index + 1)
         return words[index].rstrip(":") if index < len(words) else ""
 
     def _error(self, code: str, message: str, help: HelpText, start: int, end: int) -> None:
-        self.errors.append(TextError(code, message, help, self.lines.span(start, end)))
+        self.errors.append(Diagnostic.of(code, message, help, span=self.lines.span(start, end)))
 
     def _error_of(self, raw: Raw, code: str, message: str, help: HelpText) -> None:
         """Add an error about a whole statement."""

@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import get_args
 
-from foresee_dsl.errors import Span
+from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import HelpText, close_block, meant_code, remove, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then(?!\s+joins\b))\b(?!\s*=(?!=))")
@@ -64,7 +63,7 @@ class Cut:
     """The result of cutting a text: its statements, the errors of its braces, and its comments, in order."""
 
     statements: list[Raw]
-    errors: list[TextError]
+    errors: list[Diagnostic]
     comments: list[Comment]
 
 
@@ -118,12 +117,12 @@ def scan(text: str, lines: Lines) -> Cut:
 
 class _Scanner:
     def __init__(self, text: str, lines: Lines, *, trust_indentation: bool) -> None:
-        self.errors: list[TextError] = []
+        self.errors: list[Diagnostic] = []
         self.balanced = True
         self._text = text
         self._lines = lines
         self._trusting = trust_indentation
-        self._open_blocks: list[TextError] = []
+        self._open_blocks: list[Diagnostic] = []
         self._stack = [_Frame(Raw(0, 0), -1)]  # the file itself
         self._current: Raw | None = None
         self._after_brace = False
@@ -191,7 +190,7 @@ class _Scanner:
             if self._after_brace and len(self.errors) < MOST:
                 help = "begin a new line, or write " + write(";") + " between them"
                 self.errors.append(
-                    TextError("FS003", "this line has two statements", help, self._lines.span(start, end))
+                    Diagnostic.of("FS003", "this line has two statements", help, span=self._lines.span(start, end))
                 )
                 self._after_brace = False
             self._current = Raw(start, end)
@@ -226,7 +225,7 @@ class _Scanner:
             help += ", and a `}` below the block"
         elif colon:
             help = meant_code("{")
-        self.errors.append(TextError("FS003", message, help, place))
+        self.errors.append(Diagnostic.of("FS003", message, help, span=place))
         raw.end -= colon
         while raw.end > raw.start and self._text[raw.end - 1] == " ":
             raw.end -= 1
@@ -245,7 +244,7 @@ class _Scanner:
             if not any(error.code == "FS007" for error in self.errors):
                 place = self._lines.span(at, at + 1)
                 self.errors.append(
-                    TextError("FS007", "this `}` has no `{`", remove("remove it") + ", or add the `{`", place)
+                    Diagnostic.of("FS007", "this `}` has no `{`", remove("remove it") + ", or add the `{`", span=place)
                 )
             return
         self._stack.pop().raw.close = at + 1
@@ -259,17 +258,17 @@ class _Scanner:
         name = self._text[raw.start : raw.end].split(" ", maxsplit=1)[0].rstrip(":")[:40]
         place = self._lines.span(raw.start, raw.open + 1)
         message = f"the block of `{name}` is not closed"
-        self._open_blocks.append(TextError("FS007", message, close_block("add a `}` where it ends"), place))
+        self._open_blocks.append(Diagnostic.of("FS007", message, close_block("add a `}` where it ends"), span=place))
 
     def _few_of_the_unclosed(self) -> None:
         """Report the outermost unclosed blocks one by one, and the number of the others."""
-        unclosed = sorted(self._open_blocks, key=lambda error: (error.span.line, error.span.column))
+        unclosed = sorted(self._open_blocks, key=lambda error: error.start)
         self.errors += unclosed[:_SHOWN]
         more = len(unclosed) - _SHOWN
         if more > 0:
             what = "1 more block is" if more == 1 else f"{more} more blocks are"
             help = close_block("close the outermost ones first", more)
-            self.errors.append(TextError("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
+            self.errors.append(Diagnostic.of("FS007", f"{what} not closed", help, span=unclosed[_SHOWN].span))
 
     def _indent(self, at: int) -> int | None:
         """Return the indentation at an offset, in columns; None if other text is before it on its line."""

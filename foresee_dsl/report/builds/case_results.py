@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,15 +18,20 @@ from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.report.verdicts import changed_lines, rule_lines
-from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, RunResult, Verdict
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
+    from foresee_dsl.campaign.conformance.records import Conformance
     from foresee_dsl.campaign.execution.runs import CaseRun
     from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
     from foresee_dsl.campaign.regression.verify import Recheck
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.language.project.document import Document
+
+
+_CONFORMANCE = "conformance"
+"""The rule of a check of `foresee conform`."""
 
 
 class BuildOutcome(StrEnum):
@@ -38,7 +44,8 @@ class BuildOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class ReportPlace:
-    """The line of a file at which a result is shown; `span` is None if the result is shown for the whole file."""
+    """The line of a file at which a result is shown; `span` is None if the result is shown for the whole file, and
+    `path` is "" if it belongs to no file."""
 
     path: str
     span: Span | None = None
@@ -76,7 +83,7 @@ class CaseResult:
         place = self.place.path if self.place.span is None else f"{self.place.path}:{self.place.span.line}"
         where = f"{place}: {self.place.source_line.strip()}" if self.place.source_line else place
         again = (f"reproduce: {self.reproduce}",) if self.reproduce else ()
-        return "\n".join((self.message, *self.details, where, *again))
+        return "\n".join((self.message, *self.details, *([where] if where else ()), *again))
 
 
 def outcome_of(verdict: Verdict) -> BuildOutcome:
@@ -113,6 +120,20 @@ def _name_in(address: str) -> str:
     return name or Path(suite).stem
 
 
+def of_record(
+    run: RunRecord, address: str, driver: str, seed: int, *, suite: str = "", name: str = "", text: str | None = None,
+    **more: Any,  # noqa: ANN401
+) -> CaseResult:  # fmt: skip
+    """Return the result of a recorded run of a file.
+
+    `suite`, `name`: by default the file and the name of its case. `text`: the file's content; None to read the file.
+    """
+    return _of(
+        suite or address, name or _name_in(address), run.verdict, run.reason, place_of(address, text),
+        run.broken_expectations, reproduce=reproduce(address, driver, seed), time_s=run.duration_s, **more,
+    )  # fmt: skip
+
+
 def of_run(address: str, driver: str, seed: int, result: RunResult, attachments: Sequence[str] = ()) -> CaseResult:
     """Return the result of one run."""
     return _of(
@@ -142,12 +163,66 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
     listed = tuple(runs)
     several = len({run.driver for run in listed}) > 1
     return tuple(
-        _of(run.case, _name_in(run.case) + (f" [{run.driver}]" if several else ""), run.verdict, run.reason,
-            place_of(run.case), run.broken_expectations,
+        of_record(
+            run,
+            run.case,
+            run.driver,
+            seed,
+            name=_name_in(run.case) + (f" [{run.driver}]" if several else ""),
             details=(*rule_lines(run.infractions), *_notes(run.notes)),
-            reproduce=reproduce(run.case, run.driver, seed), time_s=run.duration_s)
+        )
         for run in listed
-    )  # fmt: skip
+    )
+
+
+def of_conformance(conformance: Conformance) -> tuple[CaseResult, ...]:
+    """Return a result for each check of a driver that could be made, and for each of the ten test cases.
+
+    Their place is the driver's file, if the driver's address names one.
+    """
+    from foresee_dsl.campaign.conformance.records import CheckStatus
+    from foresee_dsl.campaign.conformance.suite import conformance_cases
+
+    driver, seed, addresses = conformance.driver, conformance.seed, conformance_cases()
+    words = re.split(r"[\s:]+", driver)
+    place = ReportPlace(next((word for word in words if Path(word).is_file()), ""))
+    again = shlex.join(("foresee", "conform", driver, *(("--seed", str(seed)) if seed else ())))
+    checks = (
+        CaseResult(
+            suite="conform/checks",
+            name=check.name,
+            outcome=BuildOutcome.FAILED if check.status is CheckStatus.FAIL else BuildOutcome.PASSED,
+            rule=_CONFORMANCE,
+            message=check.detail,
+            place=place,
+            details=(check.advice,) if check.advice else (),
+            reproduce=again,
+        )
+        for check in conformance.checks
+        if check.status is not CheckStatus.SKIPPED
+    )
+    cases = (
+        replace(
+            of_record(
+                case.run,
+                addresses[case.name].id,
+                driver,
+                seed,
+                suite="conform/cases",
+                name=case.name,
+                details=(case.about, *rule_lines(case.run.infractions), *_notes(case.run.notes)),
+            ),
+            place=place,
+        )
+        for case in conformance.cases
+    )
+    return (*checks, *cases)
+
+
+def of_child(child: ChildOutcome, file: str, driver: str, seed: int, *, suite: str, sibling_of: str = "") -> CaseResult:
+    """Return the result of a mutant, whose text is or will be in `file`; its place is its first change line."""
+    return of_record(child, file, driver, seed, suite=suite, name=child.name, text=child.text, sibling_of=sibling_of,
+                     details=_details(child))  # fmt: skip
 
 
 def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
@@ -159,18 +234,15 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
     siblings = {name: finding.name for finding in result.findings for name in finding.siblings}
     driver, seed = result.settings.driver, result.settings.seed
     seeds = [
-        _of(run.id, run.id.partition("::")[2] or run.scenario, run.verdict, run.reason, place_of(run.id),
-            run.broken_expectations, details=_details(run), reproduce=reproduce(run.id, driver, seed),
-            attachments=(str(out / run.trace),) if run.trace else (), time_s=run.duration_s)
+        of_record(run, run.id, driver, seed, name=run.id.partition("::")[2] or run.scenario, details=_details(run),
+                  attachments=(str(out / run.trace),) if run.trace else ())
         for run in result.seeds
     ]  # fmt: skip
     children = [
-        _of(clip.seed, child.name, child.verdict, child.reason, place_of(str(out / child.file), child.text),
-            child.broken_expectations, details=_details(child), sibling_of=siblings.get(child.name, ""),
-            reproduce=reproduce(str(out / child.file), driver, seed), time_s=child.duration_s)
+        of_child(child, str(out / child.file), driver, seed, suite=clip.seed, sibling_of=siblings.get(child.name, ""))
         for clip in result.clips
         for child in clip.children
-    ]  # fmt: skip
+    ]
     children.sort(key=lambda run: (ranks.get(run.name, len(ranks)), run.name))
     return (*seeds, *children, *map(_could_not_run, result.broken))
 
@@ -266,6 +338,9 @@ def rules() -> Mapping[str, Code]:
     }
     codes[EXPECTATION] = Code(
         EXPECTATION, "an expectation does not hold", "The run passed, but an `expect` line of its scenario is broken."
+    )
+    codes[_CONFORMANCE] = Code(
+        _CONFORMANCE, "a rule of the driver protocol is broken", "`foresee conform` says which one, and what to do."
     )
     codes["not-run"] = Code("not-run", "could not be run", "There is no result: the message says why.")
     return codes

@@ -18,7 +18,7 @@ def render_github(diagnostics: Iterable[Diagnostic], codes: Mapping[str, Code]) 
 
 def _command(diagnostic: Diagnostic, codes: Mapping[str, Code]) -> str:
     code = codes.get(diagnostic.code)
-    properties: list[tuple[str, str | int]] = [("file", diagnostic.path)]
+    properties: list[tuple[str, str | int]] = [("file", diagnostic.path)] if diagnostic.path else []
     if diagnostic.span is not None:
         properties += [
             ("line", diagnostic.span.line),

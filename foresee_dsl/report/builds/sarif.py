@@ -50,16 +50,20 @@ def _rule(code: Code) -> _Json:
 
 def _result(diagnostic: Diagnostic, rules: Sequence[str], seen: Counter[str]) -> _Json:
     text = f"{diagnostic.message} ({diagnostic.help})" if diagnostic.help else diagnostic.message
-    physical: _Json = {"artifactLocation": _artifact(diagnostic.path)}
-    if diagnostic.span is not None:
-        physical["region"] = _region(diagnostic.span, diagnostic.source_line)
     result: _Json = {"ruleId": diagnostic.code, "level": diagnostic.severity, "message": {"text": text}}
     if diagnostic.code in rules:
         result["ruleIndex"] = rules.index(diagnostic.code)
-    result["locations"] = [{"physicalLocation": physical}]
+    result["locations"] = [{"physicalLocation": _physical(diagnostic)}] if diagnostic.path else []
     result["partialFingerprints"] = {_FINGERPRINT: _fingerprint(diagnostic, seen)}
     fix = _fix(diagnostic)
     return result | ({"fixes": [fix]} if fix is not None else {})
+
+
+def _physical(diagnostic: Diagnostic) -> _Json:
+    artifact: _Json = {"artifactLocation": _artifact(diagnostic.path)}
+    if diagnostic.span is None:
+        return artifact
+    return artifact | {"region": _region(diagnostic.span, diagnostic.source_line)}
 
 
 def _artifact(path: str) -> _Json:

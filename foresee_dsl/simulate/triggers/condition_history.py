@@ -1,5 +1,6 @@
-"""Follows conditions over time: for how long the condition of a `for` has held, and the `expect` lines of a
-scenario.
+"""Follows conditions over time: for how long the condition of a `for` has held, and the `expect` lines of a scenario.
+
+`truth_of` joins the truths of kinds by `and`, `or` and `not`, and evaluates the cheapest parts first.
 """
 
 from __future__ import annotations
@@ -8,6 +9,8 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 from foresee_dsl.language.model import (
     Both,
@@ -23,13 +26,14 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.printer import written as text_of
-from foresee_dsl.language.traversal import si_of
+from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions, every, some
-from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, kind_of, truth_of
+from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, kind_of
+from foresee_dsl.simulate.triggers.measures import Cost
 from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
 
 Note = Callable[[int, HoldingTime | None], None]
@@ -274,3 +278,59 @@ class _Watched:
         return ExpectationResult(
             text, outcome.held, round(outcome.margin / to_si, 6), outcome.unit, decides, name, value
         )
+
+
+# --- without margins -------------------------------------------------------------------------------------------------
+
+
+class _Costing(NamedTuple):
+    truth: Truth
+    cost: Cost
+
+
+def truth_of(condition: Condition, run: Conditions) -> Truth | None:
+    """Return a function that says whether a condition holds at the current frame.
+
+    None for a condition with a `for`, which must be followed from frame to frame.
+    """
+    if any(isinstance(part, Sustained) for part in parts(condition)):
+        return None
+    return _costing(condition, run).truth
+
+
+def _costing(condition: Condition, run: Conditions) -> _Costing:
+    if isinstance(condition, Not):
+        inner = _costing(condition.condition, run)
+        return _Costing(partial(_opposite, inner.truth), inner.cost)
+    if isinstance(condition, Both | Either):
+        joined = sorted((_costing(part, run) for part in condition.conditions), key=lambda part: part.cost)
+        every_step = tuple(part.truth for part in joined if part.cost == Cost.EVERY_STEP)
+        rest = tuple(part.truth for part in joined if part.cost != Cost.EVERY_STEP)
+        cost = Cost.EVERY_STEP if every_step else max(part.cost for part in joined)
+        return _Costing(partial(_joined, every_step, rest, isinstance(condition, Either)), cost)
+    kind = kind_of(condition, run)
+    return _Costing(kind.truth, kind.cost)
+
+
+def _opposite(truth: Truth) -> bool | None:
+    held = truth()
+    return None if held is None else not held
+
+
+def _joined(every_step: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
+    """Join the parts of an `or` (`enough`: True) or an `and` (`enough`: False): a part whose truth is `enough` decides.
+
+    `every_step`: parts that are evaluated in every step. `rest`: parts that are evaluated until one decides.
+    """
+    decided, unknown = False, False
+    for truth in every_step:
+        held = truth()
+        decided, unknown = decided or held is enough, unknown or held is None
+    if decided:
+        return enough
+    for truth in rest:
+        held = truth()
+        if held is enough:
+            return enough
+        unknown = unknown or held is None
+    return None if unknown else not enough

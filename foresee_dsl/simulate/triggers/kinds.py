@@ -2,7 +2,7 @@
 
 A kind computes its outcome with the margin (`outcome`), its truth alone where that is cheaper (`truth`), the cost of an
 evaluation, and how far a fact is from holding (`away`). `condition_history` joins kinds by `and`, `or`, `not` and
-`for`; `truth_of` joins their truths and evaluates the cheapest parts first.
+`for`.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple, assert_never
+from typing import assert_never
 
 from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance
 from foresee_dsl.language import model as m
-from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
+from foresee_dsl.language.traversal import quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import point_distance
@@ -401,59 +401,3 @@ def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
         case _:
             assert_never(condition)
     return kind
-
-
-# --- without margins -------------------------------------------------------------------------------------------------
-
-
-class _Costing(NamedTuple):
-    truth: Truth
-    cost: Cost
-
-
-def truth_of(condition: m.Condition, run: Conditions) -> Truth | None:
-    """Return a function that says whether a condition holds at the current frame.
-
-    None for a condition with a `for`, which must be followed from frame to frame.
-    """
-    if any(isinstance(part, m.Sustained) for part in parts(condition)):
-        return None
-    return _costing(condition, run).truth
-
-
-def _costing(condition: m.Condition, run: Conditions) -> _Costing:
-    if isinstance(condition, m.Not):
-        inner = _costing(condition.condition, run)
-        return _Costing(partial(_opposite, inner.truth), inner.cost)
-    if isinstance(condition, m.Both | m.Either):
-        joined = sorted((_costing(part, run) for part in condition.conditions), key=lambda part: part.cost)
-        every_step = tuple(part.truth for part in joined if part.cost == Cost.EVERY_STEP)
-        rest = tuple(part.truth for part in joined if part.cost != Cost.EVERY_STEP)
-        cost = Cost.EVERY_STEP if every_step else max(part.cost for part in joined)
-        return _Costing(partial(_joined, every_step, rest, isinstance(condition, m.Either)), cost)
-    kind = kind_of(condition, run)
-    return _Costing(kind.truth, kind.cost)
-
-
-def _opposite(truth: Truth) -> bool | None:
-    held = truth()
-    return None if held is None else not held
-
-
-def _joined(every_step: tuple[Truth, ...], rest: tuple[Truth, ...], enough: bool) -> bool | None:
-    """Join the parts of an `or` (`enough`: True) or an `and` (`enough`: False): a part whose truth is `enough` decides.
-
-    `every_step`: parts that are evaluated in every step. `rest`: parts that are evaluated until one decides.
-    """
-    decided, unknown = False, False
-    for truth in every_step:
-        held = truth()
-        decided, unknown = decided or held is enough, unknown or held is None
-    if decided:
-        return enough
-    for truth in rest:
-        held = truth()
-        if held is enough:
-            return enough
-        unknown = unknown or held is None
-    return None if unknown else not enough

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 from foresee_bridges.carla import agent_base, camera, carla_types, lidar
 from foresee_bridges.carla.coordinates import GeoReference, compass_rad, wheel_angle_rad, yaw_deg
-from foresee_bridges.carla.driver import AgentDriver, control_of
+from foresee_bridges.carla.driver import AgentDriver, control_of, plan_of
 from foresee_bridges.carla.opendrive import for_carla
-from foresee_bridges.carla.plan import plan_of
 from foresee_bridges.carla.sensors import Scene, readers
 from foresee_bridges.carla.world import NeedsWorldError
 

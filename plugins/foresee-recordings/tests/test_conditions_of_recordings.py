@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_recordings.exporting.runs import recording_of
 from foresee_recordings.mining.conditions import FAILS, HOLDS, UNKNOWN, truths
 from foresee_recordings.mining.measures import values
 from foresee_recordings.mining.query import Query
 from foresee_recordings.mining.rows import Rows
 from foresee_recordings.mining.traffic import Traffic
 from foresee_recordings.recording import RecordedMap, RecordingError
-from foresee_recordings.traces import recording_of
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case

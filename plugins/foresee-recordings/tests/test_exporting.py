@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from foresee_recordings.exporting.formats import to_commonroad, to_fcd, to_levelx
 from foresee_recordings.exporting.options import RunOptions
+from foresee_recordings.exporting.runs import recording_of
 from foresee_recordings.readers.tables import table
 from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Recording
-from foresee_recordings.traces import recording_of
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from evaluation.replay import drive_as_recorded
+from foresee_recordings.exporting.runs import recording_of
 from foresee_recordings.maps.from_tracks import guessed_roads
 from foresee_recordings.mining.search import search
 from foresee_recordings.mining.traffic import Traffic
@@ -16,7 +17,6 @@ from foresee_recordings.recording import RecordedMap, Recording, RecordingError,
 from foresee_recordings.scenarios.models_file import Models
 from foresee_recordings.scenarios.tracks_file import samples
 from foresee_recordings.scenarios.writing import Choice, write_cases, write_seconds
-from foresee_recordings.traces import recording_of
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case

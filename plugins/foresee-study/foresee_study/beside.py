@@ -92,6 +92,8 @@ def _behind(figure: PaperFigure) -> str:
 def _ends(ours: Ours | None) -> Value:
     if ours is None or ours.interval is None or math.isnan(ours.interval.low):
         return None
+    if math.isinf(ours.interval.high):  # some resamples have nothing to compare with
+        return f"at least {_short(ours.interval.low)}"
     return f"{_short(ours.interval.low)} to {_short(ours.interval.high)}"
 
 

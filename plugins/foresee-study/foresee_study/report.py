@@ -149,8 +149,8 @@ def write_page(
 
 
 def _cost_lines(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
-    """Yield a line for each question with the cost of its campaigns; shared campaigns count for each of their
-    questions."""
+    """Yield a line for each question with the cost of its campaigns and, for rq4, of DriveFuzz; shared campaigns count
+    for each of their questions."""
     campaigns = {(m.group, m.driver, m.ranker, m.clip_s, m.seed, m.preset): m for m in results.campaigns}
     for name, cost in sorted(record.asked.items()):
         wanted = wanted_by([name], record.settings)
@@ -158,9 +158,11 @@ def _cost_lines(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
         there = [m for m in own if m is not None]
         if not there:
             continue
-        runs = sum(m.clips + len(m.children_run) for m in there)
+        fuzzed = [case for fuzzing in results.fuzzings for case in fuzzing.seeds] if name == "rq4" else []
+        runs = sum(m.clips + len(m.children_run) for m in there) + sum(case.runs for case in fuzzed)
+        simulated_s = sum(m.simulated_s for m in there) + sum(case.simulated_s for case in fuzzed)
+        wall_s = sum(m.wall_s for m in there) + sum(case.wall_s for case in fuzzed)
         yield (
-            name, str(len(there)), f"{runs:,}", f"{sum(m.simulated_s for m in there) / 3600:.1f} h",
-            f"{sum(m.wall_s for m in there) / 60:.0f} min",
+            name, str(len(there)), f"{runs:,}", f"{simulated_s / 3600:.1f} h", f"{wall_s / 60:.0f} min",
             "in parts" if cost.wall_s is None else f"{cost.wall_s / 60:.0f} min on {cost.jobs} workers",
         )  # fmt: skip

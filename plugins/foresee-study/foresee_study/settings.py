@@ -48,7 +48,8 @@ class StudySettings:
         readings: further presets with which rq2 is asked, other readings of what the paper does not state.
         children: number of mutants per clip.
         against: the reference drivers; None: the default ones.
-        fuzz_repetitions, fuzz_cycles, fuzz_mutations: settings of DriveFuzz, for rq4.
+        fuzz_repetitions, fuzz_cycles, fuzz_mutations: settings of DriveFuzz, for rq4; by default the paper's budget
+            (section 4.5), about one mutated test case for each test case and iteration.
         towns: names of further groups of test cases, for rq5.
         searches: the searches from the literature, for the question `search`.
         budget_s: simulated time of a search's clips and mutants in each test case, s.
@@ -67,8 +68,8 @@ class StudySettings:
     children: int = CHILDREN
     against: tuple[str, ...] | None = None
     fuzz_repetitions: int = 1
-    fuzz_cycles: int = 10
-    fuzz_mutations: int = 8
+    fuzz_cycles: int = 1
+    fuzz_mutations: int = 1
     towns: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
     searches: tuple[str, ...] = tuple(SEARCHES)

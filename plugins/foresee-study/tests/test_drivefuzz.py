@@ -16,6 +16,7 @@ import jsonschema
 import numpy as np
 import pytest
 from foresee_study.fuzz.engine import fuzz
+from foresee_study.fuzz.folder import case_results
 from foresee_study.fuzz.mutation import Mutator
 from foresee_study.fuzz.quality import Quality, quality_of
 from foresee_study.fuzz.records import FuzzResult
@@ -32,6 +33,7 @@ from foresee_dsl.language.parser import format_text
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import Project, load_test_case, load_test_cases
+from foresee_dsl.report.builds.case_results import BuildOutcome
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, STEER, YAW_RATE
 from tests.support.handmade_traces import EAST, make_trace, straight
@@ -85,6 +87,19 @@ def test_cycles_go_on_from_the_worst_drive_and_a_failure_ends_its_seed(
     schema = json.loads((root / "docs" / "schemas" / "fuzz-1.json").read_text())
     jsonschema.validate(json.loads((out / "fuzz.json").read_text()), schema)
     assert sum(one.failures for one in result.by_cycle) == result.failures
+
+
+def test_build_servers_get_each_run_and_fail_as_the_command_does(done: tuple[FuzzResult, Path]) -> None:
+    result, out = done
+    results = case_results(result, out)
+    failed = {one.name for one in results if one.outcome is not BuildOutcome.PASSED}
+    ends = (Verdict.TIMEOUT, Verdict.CRASH)
+    every = [run for seed in result.seeds for run in seed.every]
+    assert failed == {run.name for run in every if run.outcome.verdict.is_failure or run.outcome.verdict in ends}
+    assert len(results) == len(result.seeds) + sum(run.outcome.verdict is not Verdict.INVALID for run in every)
+    first = next(one for one in results if one.name in failed)
+    assert first.suite.endswith(".foresee") and first.place.path == first.reproduce.split()[2].partition("::")[0]
+    assert first.place.span is not None and first.reproduce.endswith(" --rules off")
 
 
 def test_files_check_are_formatted_and_run_again_to_the_same_verdict(done: tuple[FuzzResult, Path]) -> None:

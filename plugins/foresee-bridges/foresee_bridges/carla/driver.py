@@ -9,17 +9,25 @@ from __future__ import annotations
 import importlib
 import math
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any, Self
 
-from foresee_bridges.carla.coordinates import wheel_angle_rad
+import numpy as np
+
+from foresee_bridges.carla.coordinates import GeoReference, wheel_angle_rad, yaw_deg
 from foresee_bridges.carla.loading import USAGE, agent_class, carla_module, new_agent
 from foresee_bridges.carla.opendrive import map_of
-from foresee_bridges.carla.plan import plan_of
 from foresee_bridges.carla.sensors import Scene, readers
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError
 from foresee_dsl.files import read_outside, short_hash
+
+HOP_M = 1.0
+"""Distance between two points of the dense route, m (`interpolate_trajectory` of leaderboard 2.0)."""
+_TURNS = {"left": "LEFT", "right": "RIGHT", "straight": "STRAIGHT", "back": "LEFT"}
+"""Options of turns; CARLA has none for turning back."""
+Plan = tuple[list[tuple[dict[str, float], Any]], list[tuple[Any, Any]]]
+"""The two arguments of `set_global_plan`: places as latitude, longitude and height, and as `carla.Transform`."""
 
 
 class AgentDriver:
@@ -106,3 +114,30 @@ def _content(path: str, *, required: bool) -> bytes:
         return read_outside(Path(path))
     except OSError as err:
         raise DriverError(f"carla:{path}: {err.strerror or err}; {USAGE}") from None
+
+
+def plan_of(mission: Mission, vehicle: VehicleLimits, carla: ModuleType, options: Any, reference: GeoReference) -> Plan:
+    """Return the route from the ego's centre to the end of the mission's line, which is beyond the goal.
+
+    Args:
+        carla: the module with `Transform`, `Location` and `Rotation`. options: the enumeration `RoadOption`.
+    """
+    start_s = mission.start_s - vehicle.length_m / 2
+    s = np.arange(start_s, mission.s[-1], HOP_M)
+    places = np.column_stack([np.interp(s, mission.s, mission.centreline[:, i]) for i in (0, 1)])
+    ahead = np.diff(places, axis=0, append=places[-1:])
+    ahead[-1] = ahead[-2]
+    gps, world = [], []
+    for at, (x, y), (dx, dy) in zip(s.tolist(), places.tolist(), ahead.tolist(), strict=True):
+        option = options[_option(mission, at)]
+        latitude, longitude = reference.gps(x, y)
+        gps.append(({"lat": latitude, "lon": longitude, "z": 0.0}, option))
+        rotation = carla.Rotation(yaw=yaw_deg(math.atan2(dy, dx)))
+        world.append((carla.Transform(carla.Location(x=x, y=-y, z=0.0), rotation), option))
+    return gps, world
+
+
+def _option(mission: Mission, s: float) -> str:
+    """Return the name of the option at a length along the route: that of the turn inside a junction."""
+    inside = (junction for junction in mission.junctions if junction.stop_s < s < junction.exit_s)
+    return next((_TURNS[junction.turn] for junction in inside), "LANEFOLLOW")

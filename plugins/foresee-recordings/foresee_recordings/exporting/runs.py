@@ -7,16 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.exchange.outcome import Imported, import_together
 from foresee_dsl.exchange.protocol import Tell
 from foresee_dsl.exchange.recorded import runs
 from foresee_dsl.files import templates
-from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from foresee_recordings.exporting.options import RunOptions
-from foresee_recordings.recording import Recording
-from foresee_recordings.traces import recording_of
+from foresee_recordings.recording import RecordedMap, Recording, Track
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 
@@ -86,3 +87,16 @@ def render(file: Path, template: str, **values: object) -> None:
     """Write a file from a template of this plug-in, such as `fcd.xml`."""
     text = templates(str(TEMPLATES)).get_template(f"{template}.j2").render(**values)
     file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def recording_of(trace: Trace, name: str = "run", roads: RecordedMap | None = None) -> Recording:
+    """Return a run as a recording; its actors keep their names."""
+    tracks = []
+    for k, info in enumerate(trace.actors):
+        present = np.flatnonzero(~np.isnan(trace.states[:, k, X]))
+        if len(present):
+            states = trace.states[present, k][:, [X, Y, HEADING, SPEED]]
+            tracks.append(Track(info.id, info.kind, info.length_m, info.width_m, trace.time_s[present], states))
+    return Recording(
+        name, Path(f"{name}.npz"), trace.digest.removeprefix("sha256:"), "trace", tuple(tracks), roads=roads
+    )

@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.campaigns import StopSignal
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, notes_on, shard_of
 from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption, selected
-from foresee_dsl.cli.options.common import FAILED, JsonOption, SeedOption, console, give
+from foresee_dsl.cli.options.common import FAILED, JsonOption, SeedOption, console
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
+from foresee_dsl.cli.options.stop_signal import StopSignal
+from foresee_dsl.report.formats import PEOPLE, CommandReport
 
 Cases = Annotated[
     list[str],
@@ -51,6 +53,8 @@ def fuzz(
     retry: Annotated[bool, typer.Option("--retry", help="Repeat runs that crashed or hung before.")] = False,
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    format_: FormatOption = "text",
+    junit: JunitOption = None,
     json: JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
@@ -73,7 +77,7 @@ def fuzz(
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_study.fuzz.engine import fuzz as run_fuzz
-    from foresee_study.fuzz.folder import as_text
+    from foresee_study.fuzz.folder import as_text, case_results
     from foresee_study.fuzz.settings import FuzzSettings
     from foresee_study.fuzz.terminal import FuzzProgress, print_fuzz
     from foresee_study.fuzz.texts import original_of
@@ -100,11 +104,16 @@ def fuzz(
         stack.enter_context(stop.listening())
         result = run_fuzz(cases, settings, out=out, store=kept, listeners=listeners, options=options)
         notes = notes_on(kept)
-    if json:
-        give(as_text(result))
-    else:
-        print_fuzz(console(), result, out)
-    screen = console(error=json)
+    form = "json" if json else format_
+    report_results(
+        form,
+        CommandReport(
+            "fuzz", lambda: as_text(result), lambda: case_results(result, out), properties=[("driver", driver)]
+        ),
+        people=lambda screen: print_fuzz(screen, result, out),
+        junit=junit,
+    )
+    screen = console(error=form not in PEOPLE)
     for note in notes:
         screen.print(note, markup=False)
     if result.interrupted:

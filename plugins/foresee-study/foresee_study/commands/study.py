@@ -14,7 +14,9 @@ from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
 from foresee_dsl.cli.options.case_selection import OnlyOption
-from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, print_json
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, json_document
+from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -103,7 +105,7 @@ def study(
     fuzzing: Annotated[
         str,
         typer.Option(metavar="R,C,M", help="For rq4, DriveFuzz: R repetitions, C cycles, M mutations per cycle."),
-    ] = "1,10,8",
+    ] = "1,1,1",
     searches: Annotated[
         str | None,
         typer.Option(metavar="NAMES", help="For search: the searches, separated by commas; by default all."),
@@ -149,6 +151,7 @@ def study(
     plan: Annotated[bool, typer.Option("--plan", help="Only show how many runs each question needs.")] = False,
     page: Annotated[Path | None, typer.Option(help="Also write the page of results to this file.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    format_: Annotated[str, format_option("text: for people; json: for tools.", "text", "json")] = "text",
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
@@ -165,11 +168,11 @@ def study(
     from foresee_study.questions import PAPERS, QUESTIONS
     from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
 
-    chosen = half_named(half)
+    chosen, form = half_named(half), "json" if json else format_
     if question == REPORT:
         if len(paths or ()) > 1:
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
-        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, json=json)
+        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, form=form)
         return
     names = PAPERS if question == ALL else names_in(question)
     if not names or not set(names) <= set(QUESTIONS):
@@ -203,7 +206,7 @@ def study(
     groups |= {town.name: town_cases(town, settings, allow_outside=allow_outside) for town in towns or ()}
     folder = StudyFolder(out)
     if plan:
-        _plan(names, settings, groups, store or folder.store, json=json, jobs=jobs)
+        _plan(names, settings, groups, store or folder.store, form=form, jobs=jobs)
         return
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.settings import CampaignLimits
@@ -228,7 +231,7 @@ def study(
     elif shard:
         screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
     else:
-        _report(folder, chosen, page, beside, json=json, names=names)
+        _report(folder, chosen, page, beside, form=form, names=names)
     if ran.broken:
         raise typer.Exit(FAILED)
 
@@ -242,7 +245,7 @@ def _run(
     """
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
-    from foresee_dsl.cli.campaigns import StopSignal
+    from foresee_dsl.cli.options.stop_signal import StopSignal
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
     from foresee_dsl.report.terminal.live import progress
@@ -284,7 +287,7 @@ def _report(
     page: Path | None,
     beside: list[Path] | None,
     *,
-    json: bool,
+    form: str,
     names: Sequence[str] = (),
 ) -> None:
     """Write all results of the study's folder, and print the tables of these questions (default: all)."""
@@ -295,10 +298,11 @@ def _report(
     selected_tables = [
         table for name, tables in written.tables.items() if name in (names or written.tables) for table in tables
     ]
-    if json:
-        print_json({"tables": selected_tables}, "study")
-    else:
-        _print_tables(console(), selected_tables)
+    report_results(
+        form,
+        CommandReport("study", lambda: json_document({"tables": selected_tables}, "study")),
+        people=lambda screen: _print_tables(screen, selected_tables),
+    )
     screen = console(error=True)
     for note in written.notes:
         screen.print(note, markup=False, soft_wrap=True)
@@ -317,7 +321,7 @@ def _print_tables(screen: Console, tables: Sequence[Table]) -> None:
             screen.print(note, style="dim", markup=False)
 
 
-def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Path, *, json: bool, jobs: int) -> None:
+def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Path, *, form: str, jobs: int) -> None:
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.report.terminal.tables import duration, plain_table
     from foresee_study.planning import plan_study
@@ -326,18 +330,21 @@ def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Pa
     settings, notes = possible(settings)
     with Store(store, write=False) if (store / "runs.sqlite").is_file() else nullcontext() as opened:
         plans = plan_study(names, settings, cases, opened)
-    if json:
-        print_json({"questions": plans}, "study")
-        return
-    screen = console()
-    for note in notes:
-        screen.print(note, markup=False)
-    rows = [(p.question, p.campaigns, p.done, p.to_run, p.at_most_more, duration(p.longest_s / jobs)) for p in plans]
-    heads = ("question", "campaigns", "runs done", "to run", "at most more", f"at most, {jobs} workers")
-    screen.print(plain_table(heads, rows))
-    screen.print(
-        "Runs that an earlier question needs too are not counted again. Runs with reference drivers are not included."
-    )
+
+    def people(screen: Console) -> None:
+        for note in notes:
+            screen.print(note, markup=False)
+        rows = [
+            (p.question, p.campaigns, p.done, p.to_run, p.at_most_more, duration(p.longest_s / jobs)) for p in plans
+        ]
+        heads = ("question", "campaigns", "runs done", "to run", "at most more", f"at most, {jobs} workers")
+        screen.print(plain_table(heads, rows))
+        screen.print(
+            "Runs that an earlier question needs too are not counted again. "
+            "Runs with reference drivers are not included."
+        )
+
+    report_results(form, CommandReport("study", lambda: json_document({"questions": plans}, "study")), people=people)
 
 
 def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) -> None:

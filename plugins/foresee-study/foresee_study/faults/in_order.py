@@ -29,7 +29,7 @@ class InOrder(Executor):
         self.simulated_s = 0.0
         self.order: list[tuple[str, str, float]] = []
 
-    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
         """See `Executor`; tasks that are not run are dropped, so that the campaign counts as stopped."""
         while self._queue and not stop():
             (number,) = self._queue.take()
@@ -43,11 +43,11 @@ class InOrder(Executor):
             try:
                 for step in run_steps(work):
                     self._count(step, task.name)
-                    yield Update(task, TaskPart(step))
+                    yield [Update(task, TaskPart(step))]
             except Exception as err:  # a step that fails has an outcome of its own
-                yield Update(task, BrokenTask(task, f"{type(err).__name__}: {err}", "raised"))
+                yield [Update(task, BrokenTask(task, f"{type(err).__name__}: {err}", "raised"))]
             else:
-                yield Update(task, None)
+                yield [Update(task, None)]
 
     def close(self) -> None:
         """Drop the remaining tasks."""

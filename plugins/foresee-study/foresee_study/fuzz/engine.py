@@ -14,6 +14,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 from foresee_dsl import __version__
@@ -190,7 +191,7 @@ class _Fuzzing:
         try:
             self._hand_out()
             if self._executor is not None:
-                for update in self._executor.updates(self._stop):
+                for update in chain.from_iterable(self._executor.updates(self._stop)):
                     self._handle(update)
                     self._hand_out()
             return any(not progress.over for progress in self.progress)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.files import write_whole
+from foresee_dsl.report.builds.case_results import CaseResult, of_record
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz.records import FuzzResult, document
 
 FOLDER = "mutated"
@@ -41,3 +44,22 @@ def publish(result: FuzzResult, out: Path) -> None:
 def as_text(result: FuzzResult) -> str:
     """Return the content of `fuzz.json`."""
     return json.dumps(document(result), indent=2) + "\n"
+
+
+def case_results(result: FuzzResult, out: Path) -> tuple[CaseResult, ...]:
+    """Return a result for each test case without mutations, and for each mutation that is possible on the road.
+
+    As in the exit code, expectations do not count: DriveFuzz searches for collisions and other failures of the driver.
+    """
+    driver, seed = result.settings.driver, result.settings.seed
+    results = []
+    for case in result.seeds:
+        if case.plain is not None:
+            results.append(of_record(replace(case.plain, broken_expectations=()), case.test_case, driver, seed))
+        results += [
+            of_record(replace(run.outcome, broken_expectations=()), str(out / run.address), driver, seed,
+                      suite=case.test_case, name=run.name, details=(run.outcome.what,))
+            for run in case.every
+            if run.outcome.verdict is not Verdict.INVALID
+        ]  # fmt: skip
+    return tuple(replace(run, reproduce=f"{run.reproduce} --rules off") for run in results)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -19,11 +20,10 @@ from foresee_recordings.maps.commonroad import Lanelets
 from foresee_recordings.maps.network import network_of, usual_speed
 from foresee_recordings.maps.signals import SignalCycle
 from foresee_recordings.readers.classes import Shape, kind_by_size
-from foresee_recordings.readers.commonroad.numbers import Footprint, State, footprint_of, state_of
-from foresee_recordings.readers.commonroad.signals import cycle_of, signal_tracks
+from foresee_recordings.readers.commonroad.numbers import Footprint, State, footprint_of, number, state_of
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
-from foresee_recordings.recording import RecordedMap, Recording, RecordingError
+from foresee_recordings.recording import RecordedMap, Recording, RecordingError, SignalTrack
 
 _WHAT = "a CommonRoad scenario"
 _ROOT_BYTES = 1 << 16
@@ -42,6 +42,8 @@ _KINDS = {
     "pillar": "obstacle",
 }
 """Our class for each of CommonRoad's types. Other types are left out; the size decides about `unknown`."""
+_COLOURS = {"red": "red", "redYellow": "red", "yellow": "amber", "green": "green", "inactive": "off"}
+"""Our colour for each of CommonRoad's. `redYellow` is red: vehicles may not drive yet."""
 _OBSTACLES = ("obstacle", "staticObstacle", "dynamicObstacle")
 _LEFT_OUT = {
     "environmentObstacle": "buildings and other obstacles of the surroundings",
@@ -98,7 +100,7 @@ class _Scenario:
         if element.tag in _OBSTACLES:
             self._take_obstacle(element)
         elif element.tag == "trafficLight":
-            cycle = cycle_of(element, self._step_s)
+            cycle = _cycle_of(element, self._step_s)
             if cycle is not None:
                 self._cycles[element.get("id", "")] = cycle
         elif element.tag in _LEFT_OUT:
@@ -118,7 +120,7 @@ class _Scenario:
             "commonroad", self._shapes, offset_m=lambda actor, _: self._footprints[actor].centre
         )
         places = self.lanelets.stop_lines()
-        signals = signal_tracks(self._cycles, places, tracks.begins_s, tracks.ends_s)
+        signals = _signal_tracks(self._cycles, places, tracks.begins_s, tracks.ends_s)
         return replace(tracks, signals=signals, roads=tracks.roads or self._roads(tracks))
 
     def _roads(self, recording: Recording) -> RecordedMap | None:
@@ -208,3 +210,32 @@ def _step_of(path: Path) -> float:
     if not 0.0 < step_s < math.inf:
         raise RecordingError(f"{path}: the attribute timeStepSize of <{root.tag}> is {text!r}, not a number of seconds")
     return step_s
+
+
+def _cycle_of(element: Element, step_s: float) -> SignalCycle | None:
+    """Return the cycle of a `<trafficLight>`; None if it has none.
+
+    Raises:
+        ValueError: a duration or a colour is not one.
+    """
+    if (element.findtext("active") or "true").strip() in ("false", "0"):
+        return SignalCycle(((step_s, "off"),))
+    colours = []
+    for part in element.iterfind("cycle/cycleElement"):
+        duration, colour = number(part, "duration"), (part.findtext("color") or "").strip()
+        if not 0.0 < duration < math.inf or colour not in _COLOURS:
+            raise ValueError(f"its cycle has {duration:g} time steps of {colour!r}")
+        colours.append((duration * step_s, _COLOURS[colour]))
+    offset = number(element, "cycle/timeOffset")
+    return SignalCycle(tuple(colours), 0.0 if math.isnan(offset) else offset * step_s) if colours else None
+
+
+def _signal_tracks(
+    cycles: Mapping[str, SignalCycle], places: Mapping[str, tuple[float, float]], begin_s: float, end_s: float
+) -> tuple[SignalTrack, ...]:
+    """Return the colours of all lights from one time to another; `places`: their stop lines, m."""
+    tracks = []
+    for id_, cycle in cycles.items():
+        times, colours = zip(*cycle.changes(begin_s, end_s), strict=True)
+        tracks.append(SignalTrack(id_, times, colours, places.get(id_)))
+    return tuple(tracks)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
@@ -17,13 +17,20 @@ from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 
 
-class Findings:
-    """The diagnostics of one document. Without a document (a model built in memory) they have a path but no places."""
+class Collector:
+    """The diagnostics of one document, which checks and lints add.
+
+    Without a document (a model built in memory) they have a path but no places.
+    """
 
     def __init__(self, document: Document | None, path: str = "") -> None:
         self._document = document
         self._path = path
         self._diagnostics: list[Diagnostic] = []
+
+    def __iter__(self) -> Iterator[Diagnostic]:
+        """Yield the diagnostics in the order in which they were added."""
+        return iter(self._diagnostics)
 
     def add(
         self,
@@ -35,7 +42,7 @@ class Findings:
         *,
         head_only: bool = False,
     ) -> None:
-        """Add an error about a field of an item.
+        """Add an error or, if the code says so, a warning about a field of an item.
 
         With the field "" the whole item is underlined, with `head_only` no more than its first line; without an item
         the error is about the file.
@@ -109,9 +116,7 @@ class Findings:
 
     def sorted(self) -> tuple[Diagnostic, ...]:
         """Return the diagnostics in the order of their places, each once."""
-        first = Span(0, 0, 0, 0)
-        unique = dict.fromkeys(self._diagnostics)
-        return tuple(sorted(unique, key=lambda d: ((d.span or first).line, (d.span or first).column, d.code)))
+        return tuple(sorted(dict.fromkeys(self._diagnostics), key=lambda d: (*d.start, d.code)))
 
     def raise_if_any(self) -> None:
         """Raise one `InputError` with all diagnostics, in the order in which they were added."""
