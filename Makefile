@@ -42,9 +42,7 @@ imports: $(VENV)/.installed-dev
 	@for plugin in $(PLUGINS); do $(BIN)/lint-imports --no-logo --config plugins/$$plugin/pyproject.toml || exit 1; done
 
 unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
-# Two workers a core: tests wait for processes, browsers and servers a third of the time. A file's tests share what they
-# build, so one worker runs them all; conftest.py puts the longest files first.
-	@$(BIN)/pytest -n $$(( $(JOBS) * 2 )) --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(BIN)/pytest -n $$(( $(JOBS) * 2 )) $(ARGS)  # two a core: tests wait for processes, browsers and servers a third of the time
 
 bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="language")
 	@$(BIN)/python -m benchmarks.run $(ARGS)
