@@ -55,33 +55,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 LONG = (
     "test_fortnight.py",
-    "test_repeats.py",
-    "test_ci.py",
-    "test_properties.py",
-    "test_received_files.py",
-    "test_start_pages.py",
-    "test_readme.py",
-    "test_html_page.py",
-    "test_isolation.py",
     "test_miniature.py",
-    "test_plan.py",
     "test_wheel.py",
+    "test_readme.py",
+    "test_ci.py",
     "test_chaos.py",
-    "test_sure.py",
-    "test_diff_properties.py",
-    "test_store_goes_on.py",
-    "test_minimise.py",
-    "test_init_drivers.py",
-    "test_external.py",
+    "test_plan.py",
     "test_contract.py",
-    "test_exit_codes.py",
-    "test_spoilt_process.py",
     "test_carla_towns.py",
+    "test_received_files.py",
     "test_broken_expectations.py",
     "test_kept.py",
 )
-"""The files with the longest tests: they come first, or one worker would end with them while the others have nothing to
-do."""
+"""The longest tests: they come first, or one worker would end with them while the other has nothing to do."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
