@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import subprocess
@@ -42,14 +43,34 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
 
 CASE = f"{data_folder('scenarios') / 'scenario3.foresee'}::r01"
+SERVER = """
+import sys
+
+from carla_driver_interface.policies.route_follower import RouteFollowerPolicy
+from carla_driver_interface.server import serving
+
+with serving(RouteFollowerPolicy(), port=0, host="127.0.0.1") as port:
+    print(port, flush=True)
+    sys.stdin.read()
+"""
 CAR = VehicleLimits("car.sedan", 4.6, 1.8, 2.8, 0.9, 50.0, 3.0, 4.0, 8.0, 0.6, 0.5)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_left_behind() -> None:
+    """Collect the garbage of earlier tests here: a thread of a server that collected it ended the process (SIGSEGV)."""
+    gc.collect()
 
 
 @pytest.fixture(scope="module")
 def follower() -> Iterator[str]:
-    """The address of the package's own route follower."""
-    with serving(RouteFollowerPolicy(), port=0, host="127.0.0.1") as port:
-        yield f"grpc:127.0.0.1:{port}"
+    """The address of the package's own route follower, in a process of its own as users run it."""
+    with subprocess.Popen(
+        [sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as server:
+        assert server.stdin is not None and server.stdout is not None
+        yield f"grpc:127.0.0.1:{int(server.stdout.readline())}"
+        server.stdin.close()
 
 
 class Recorded(BaseDriver):
