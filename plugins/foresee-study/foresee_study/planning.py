@@ -60,23 +60,23 @@ def plan_study(
             planned.add(campaign)
             stages = stages_of(campaign, cases[campaign.group], store, Path())
             each_s = store.mean_wall_s(campaign.driver) if store is not None else {}
-            times = _TIMES_PDM.get(campaign.driver, 1.0)
+            slower = _SLOWER_THAN_PDM.get(campaign.driver, 1.0)
             for node, row in stages.walk():
                 # A run may belong to another campaign as well; the runs that follow from this campaign's forecast do
                 # not.
                 if row is None:
                     clips, children = _following(node, campaign)
                     counts["more"] += clips + children
-                    seconds += clips * each_s.get("clip", times * _CLIP_S)
-                    seconds += children * each_s.get("child", times * _CHILD_S)
+                    seconds += clips * each_s.get("clip", slower * _CLIP_S)
+                    seconds += children * each_s.get("child", slower * _CHILD_S)
                 if node.step.drives and node.step.key not in seen:
                     seen.add(node.step.key)
                     counts["done" if row is not None else "to run"] += 1
-                    seconds += 0.0 if row is not None else each_s.get(node.step.kind, times * node.step.usual_s)
+                    seconds += 0.0 if row is not None else each_s.get(node.step.kind, slower * node.step.usual_s)
         if name == "rq4":
             fuzzing = _fuzzing(settings, len(cases[BUNDLED]))
             counts["more"] += fuzzing * len(settings.drivers)
-            seconds += fuzzing * _FUZZED_S * sum(_TIMES_PDM.get(driver, 1.0) for driver in settings.drivers)
+            seconds += fuzzing * _FUZZED_S * sum(_SLOWER_THAN_PDM.get(driver, 1.0) for driver in settings.drivers)
         plans.append(QuestionPlan(name, len(wanted), counts["done"], counts["to run"], counts["more"], seconds))
     return tuple(plans)
 
@@ -103,7 +103,7 @@ _CLIP_S, _CHILD_S = 0.3, 0.12
 scenarios with `pdm`."""
 _FUZZED_S = 0.7
 """Wall time of a fuzzed test case that is assumed, s. Ours: the bundled scenarios with `pdm`."""
-_TIMES_PDM = {"fusion": 4.0, "fusion_safe": 2.5, "frenetix": 2.5}
+_SLOWER_THAN_PDM = {"fusion": 4.0, "fusion_safe": 2.5, "frenetix": 2.5}
 """How many times as long a run takes with another driver as with `pdm`. Ours: wall times of the campaigns of
 `benchmarks/study` on the odd half, compared with those of `pdm` and the same ranker: 2.6 to 4.4 with `fusion`, 1.8 to
 2.8 with `fusion_safe`, 1.0 to 2.7 with `frenetix`."""

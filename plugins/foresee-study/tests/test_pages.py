@@ -12,6 +12,7 @@ from foresee_study.beside import in_words
 from foresee_study.curves import Clock
 from foresee_study.folder import StudyFolder
 from foresee_study.measured import Child, Counted, MeasuredCampaign, avoided
+from foresee_study.report import _cost_lines
 from foresee_study.results import Results
 from foresee_study.settings import EXHAUSTIVE
 from foresee_study.tables.effectiveness import effectiveness
@@ -48,6 +49,13 @@ def test_the_sentences_of_the_results_are_those_of_the_stored_measurements(
     text = page(name)
     for sentence in in_words(stored[name], question, headlines=True):
         assert f"- {sentence}" in text
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_the_costs_of_the_results_are_those_of_the_stored_measurements(stored: dict[str, Results], name: str) -> None:
+    text, record = page(name), StudyFolder(ROOT / "benchmarks" / STORED[name]).read()
+    for costs in _cost_lines(stored[name], record):
+        assert f"| {' | '.join(costs)} |" in text
 
 
 @pytest.mark.parametrize("name", STORED)

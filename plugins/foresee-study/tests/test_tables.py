@@ -18,9 +18,10 @@ from foresee_study.fuzzed import CaseSummary, Fuzzed
 from foresee_study.halves import Half, half_of, of_half, sample
 from foresee_study.measured import Child, Counted, MeasuredCampaign, MeasuredCase, MeasuredClip
 from foresee_study.paper import children_colliding, children_of_drivefuzz, more_an_hour, of_exhaustive
+from foresee_study.planning import plan_study
 from foresee_study.questions import HEAVY_WEATHER, QUESTIONS, wanted_by
 from foresee_study.results import TOGETHER, Results
-from foresee_study.settings import SECOND_ITERATION, StudyCampaign, StudySettings
+from foresee_study.settings import BUNDLED, SECOND_ITERATION, StudyCampaign, StudySettings
 from foresee_study.tables.complementarity import complementarity
 from foresee_study.tables.effectiveness import effectiveness
 from foresee_study.tables.efficiency import efficiency
@@ -365,3 +366,14 @@ def test_csv_has_what_markdown_has(values: list[float | None]) -> None:
     cells = [cell.strip() for cell in table.as_markdown().splitlines()[4].strip("|").split("|")][1:]
     assert [cell.replace("-", "") if cell == "-" else cell for cell in cells] == next(
         csv.reader([table.as_csv().splitlines()[1]]))[2:]  # fmt: skip
+
+
+def test_a_plan_takes_into_account_that_other_drivers_are_slower() -> None:
+    pytest.importorskip("frenetix", reason="the driver frenetix is not installed")
+    cases = {BUNDLED: load_test_cases([Path(__file__).parent / "cases" / "beside.foresee"])}
+
+    def longest_s(driver: str) -> float:
+        asked = StudySettings(drivers=(driver,), rankers=("foresee",), repetitions=1)
+        return plan_study(["rq2"], asked, cases, None)[0].longest_s
+
+    assert longest_s("frenetix") == pytest.approx(2.5 * longest_s("pdm"))
