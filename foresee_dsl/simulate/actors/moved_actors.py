@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 from foresee_dsl.compile.bundle import DoorOf, PlacedActor, RecordedState
 from foresee_dsl.compile.placement.doors import DOOR_OPEN_DEG, hinge_m
 from foresee_dsl.compile.placement.statements import PUSHED_MPS2
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import cached, per_network
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import VehicleState
@@ -346,19 +346,18 @@ def with_timing(actor: PlacedActor) -> PlacedActor:
 
 _MOST_BODIES = 2048
 """Maximum number of cached bodies per network. Ours: the bodies of some hundred test cases."""
-_BLOCKED: WeakKeyDictionary[RoadNetwork, dict[Box, tuple[LanePosition, ...]]] = WeakKeyDictionary()
-"""The stretches of lanes that bodies block, cached by network: in all mutants of a clip the obstacles stand at the same
-places."""
+
+
+@per_network
+def _blocked_by_bodies(_: RoadNetwork) -> dict[Box, tuple[LanePosition, ...]]:
+    """Return the stretches of lanes that bodies block, as far as they are known."""
+    return {}
 
 
 def _blocked_by(block: SimulatedActor, network: RoadNetwork) -> tuple[LanePosition, ...]:
-    """Return the stretches of lanes that a body blocks, from the cache if possible."""
-    cache, box = _BLOCKED.setdefault(network, {}), block.box
-    if box not in cache:
-        if len(cache) >= _MOST_BODIES:
-            cache.clear()
-        cache[box] = _blocked(box, network)
-    return cache[box]
+    """Return the stretches of lanes that a body blocks."""
+    box = block.box
+    return cached(_blocked_by_bodies(network), box, _MOST_BODIES, lambda: _blocked(box, network))
 
 
 def _blocked(block: Box, network: RoadNetwork) -> tuple[LanePosition, ...]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from math import floor
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
 
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import WHOLE, all_whole
 
@@ -19,17 +19,6 @@ _MOST_CELLS = 4_000_000
 """Maximum number of squares of a network; in a larger network the squares are larger. Ours: 4 MB, or a square kilometre
 of the smallest squares."""
 _UNKNOWN, _PARTLY = 0, 2
-
-_SQUARES: WeakKeyDictionary[RoadNetwork, Squares] = WeakKeyDictionary()
-"""The squares of each network, kept between runs: all mutants of a clip drive on the same network."""
-
-
-def squares_of(network: RoadNetwork) -> Squares:
-    """Return the squares of a network, from the cache."""
-    squares = _SQUARES.get(network)
-    if squares is None:
-        squares = _SQUARES[network] = Squares(network)
-    return squares
 
 
 class Squares:
@@ -64,3 +53,7 @@ class Squares:
             square = shapely.box(left, bottom, left + self.cell, bottom + self.cell)
             self.states[column, row] = WHOLE if shapely.contains_properly(self._area(x, y), square) else _PARTLY
         return self.states[column, row] == WHOLE or bool(shapely.contains_xy(self._area(x, y), x, y))
+
+
+squares_of = per_network(Squares)
+"""Return the squares of a network."""
