@@ -52,7 +52,8 @@ class Director:
         # it.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
-        self._triggers = [Trigger(index, when, conditions, self) for index, when in enumerate(simulation.scene.whens)]
+        whens = enumerate(simulation.scene.whens)
+        self._triggers = [Trigger(index, when, conditions, self.act, self.event) for index, when in whens]
 
     def step(self) -> None:
         """Evaluate the triggers at the current frame; their orders take effect in the next step."""
