@@ -333,7 +333,7 @@ def _side(angle: float) -> Side:
 # ---- the drivable area ---------------------------------------------------------------------------------------------
 
 
-CELL_M = 0.5
+_CELL_M = 0.5
 """Side of a square, m. Ours: in a lane of 3.3 m a car's wheel is 0.6 m from the edge, so squares of this size fit
 between wheel and edge; a wheel passes about 200 of them in a run."""
 _MOST_CELLS = 4_000_000
@@ -356,7 +356,7 @@ class Squares:
         self._area = network.drivable_around
         left, bottom, right, top = network.bounds
         self.left, self.bottom = left, bottom
-        self.cell = max(CELL_M, float(np.sqrt((right - left) * (top - bottom) / _MOST_CELLS)))
+        self.cell = max(_CELL_M, float(np.sqrt((right - left) * (top - bottom) / _MOST_CELLS)))
         shape = floor((right - left) / self.cell) + 1, floor((top - bottom) / self.cell) + 1
         self.states = np.zeros(shape, dtype=np.uint8)
 
