@@ -209,13 +209,8 @@ class RoadNetwork(Topology):
         gaps = [distance(first.xy[-1], second.xy[0]) for first, second in pairwise(pieces)]
         length_m = sum(piece.length_m for piece in pieces) + sum(gaps)
         if abs(at_m) > length_m + 1e-6:
-            message = (
-                f"{edge} is only "
-                + measured(f"{length_m:.1f}")
-                + " m long, so it has no place at "
-                + measured(f"{at_m:g}")
-                + " m"
-            )
+            there = measured(f"{at_m:g}") + " m"
+            message = f"{edge} is only " + routing.metres(length_m) + " long, so it has no place at " + there
             raise routing.RouteError(message, "use at most " + write(f"{math.floor(length_m)} m"))
         left_m = at_m if at_m >= 0 else length_m + at_m
         for lane, gap in zip(lanes, (*gaps, 0.0), strict=True):
