@@ -7,8 +7,6 @@ statement, its model and the network.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.placement.spots import OnRoute
 from foresee_dsl.compile.placement.statements import path_of
@@ -26,25 +24,17 @@ Apart = tuple[bool, bool, FileTrack | None]
 follow a path, and its recorded track."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Placement:
-    actor: m.Ego | m.Actor
-    spec: ModelSpec
-    apart: Apart
-    placed: PlacedActor
-    start: OnRoute | None
-
-
 class PlacedBefore:
-    """The placements on the most recent network, by the actors' statements.
+    """The placements by the actors' statements.
 
-    A child shares the statement objects of its clip, so placements are found by the object's id. A statement is kept as
-    long as its placement, so that Python does not reuse its id.
+    A child shares the statement objects of its clip, so placements are found by the object's id. A statement and its
+    network are kept as long as the placement, so that Python does not reuse their ids.
     """
 
     def __init__(self) -> None:
-        self._network: RoadNetwork | None = None
-        self._placements: dict[int, _Placement] = {}
+        self._placements: dict[
+            tuple[int, int, ModelSpec, Apart], tuple[m.Ego | m.Actor, RoadNetwork, PlacedActor, OnRoute | None]
+        ] = {}
 
     def get(
         self, actor: m.Ego | m.Actor, spec: ModelSpec, network: RoadNetwork, apart: Apart
@@ -53,12 +43,8 @@ class PlacedBefore:
 
         `apart`: see `Apart`.
         """
-        placement = self._placements.get(id(actor)) if network is self._network else None
-        if placement is None or placement.actor is not actor:
-            return None
-        if placement.apart != apart or placement.spec != spec:
-            return None
-        return placement.placed, placement.start
+        placement = self._placements.get((id(actor), id(network), spec, apart))
+        return placement[2:] if placement is not None else None
 
     def put(
         self, actor: m.Ego | m.Actor, network: RoadNetwork, apart: Apart, placed: PlacedActor,
@@ -70,12 +56,9 @@ class PlacedBefore:
             return
         if path is not None and not all(isinstance(p, m.Point) for p in path.points):
             return
-        if network is not self._network:
-            self._network = network
-            self._placements.clear()
         while len(self._placements) >= _MOST:
             del self._placements[next(iter(self._placements))]
-        self._placements[id(actor)] = _Placement(actor, placed.model, apart, placed, start)
+        self._placements[id(actor), id(network), placed.model, apart] = actor, network, placed, start
 
 
 PLACED_BEFORE = PlacedBefore()

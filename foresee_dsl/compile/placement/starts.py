@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import ModelSpec, Playback
-from foresee_dsl.compile.placement.paths import shifted
+from foresee_dsl.compile.placement.paths import shifted, smooth_beside
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, Standing, UnsettledError
 from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
@@ -245,15 +245,13 @@ class StartSearch:
         """Return the corners of a path, m."""
         if isinstance(path, m.Path):
             return [(spot.x, spot.y) for spot in map(self.spot, path.points)]
-        from foresee_dsl.compile.placement.smooth import beside  # slow import (shapely), which most actors do not need
-
         line, start = self._route_from(path.actor)
         ends = start + si(path.begin), start + si(path.end)
         for s in ends:
             _check_on(line, s, path.actor)
         if abs(ends[1] - ends[0]) < _SHORTEST_M:
             raise RouteError("the path has no length", "let it end farther along the route than it begins")
-        return beside(line, *ends, left_m=si(path.offset))
+        return smooth_beside(line, *ends, left_m=si(path.offset))
 
     def still(self, name: str) -> tuple[float, float, float]:
         """Return the middle of the footprint and the heading of an actor without route and path."""

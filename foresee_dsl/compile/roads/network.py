@@ -297,9 +297,9 @@ class RoadNetwork(Topology):
         """Return the drivable area of the parts of the network that touch a box."""
         import shapely  # imported here: the import is slow, and placing actors does not need it
 
-        walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()
+        walking = shapely.union_all([polygon(area.polygon) for area in self.walking_areas.values()
                                      if _touches(area.polygon, box)])  # fmt: skip
-        junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()
+        junctions = shapely.union_all([polygon(j.polygon) for j in self.junctions.values()
                                        if _touches(j.polygon, box)])  # fmt: skip
         lanes = [lane for lane in self.lanes.values()
                  if ("car" in lane.kinds or lane.strip or lane.fault) and _touches(lane.shape, box)]  # fmt: skip
@@ -384,7 +384,7 @@ def _touches(points: Points, box: Box) -> bool:
     return bool(points) and min(xs) <= right and max(xs) >= left and min(ys) <= top and max(ys) >= bottom
 
 
-def _polygon(points: Points) -> BaseGeometry:
+def polygon(points: Points) -> BaseGeometry:
     """Return a valid polygon for an open outline; SUMO's outlines can touch themselves or be flat."""
     import shapely
 
