@@ -20,8 +20,7 @@ from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
 from foresee_dsl.compile.placement.name_checks import NameChecks, never_near
 from foresee_dsl.compile.placement.paths import joined_way
-from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
-from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
+from foresee_dsl.compile.placement.spots import PLACED_BEFORE, CircleError, OnPath, OnRoute, UnsettledError
 from foresee_dsl.compile.placement.starts import StartSearch
 from foresee_dsl.compile.placement.statements import (
     WHEELS,

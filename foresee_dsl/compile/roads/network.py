@@ -95,6 +95,8 @@ class RoadNetwork(Topology):
 
     buildings: tuple[Points, ...] = ()
     bus_stops: Mapping[str, BusStop] = field(default_factory=dict)
+    _tiles: dict[tuple[int, int], BaseGeometry] = field(default_factory=dict, init=False)
+    _indices: dict[LaneKind | None, _LaneIndex] = field(default_factory=dict, init=False)
 
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
@@ -109,7 +111,7 @@ class RoadNetwork(Topology):
 
         `written`: the network from which the net was built; it defines pieces of edges, roundabouts and bus stops.
         """
-        read = {f.name: getattr(topology, f.name) for f in fields(Topology)}
+        read = {f.name: getattr(topology, f.name) for f in fields(Topology) if f.init}
         if written is not None:
             joints = layout.joints_of(written)
             read |= {"parts": layout.parts_of(written), "rings": rings_of(written), "joints": joints}
@@ -282,10 +284,6 @@ class RoadNetwork(Topology):
         return self._tiles[tile]
 
     @cached_property
-    def _tiles(self) -> dict[tuple[int, int], BaseGeometry]:
-        return {}
-
-    @cached_property
     def bounds(self) -> Box:
         """Bounds of the drivable area with a margin of some metres: left, bottom, right and top, m."""
         outlines = (*(lane.shape for lane in self.lanes.values()), *(j.polygon for j in self.junctions.values()))
@@ -326,10 +324,6 @@ class RoadNetwork(Topology):
         """Bounds of each building: left, bottom, right and top, m."""
         corners = (tuple(zip(*outline, strict=True)) for outline in self.buildings)
         return tuple((min(xs), min(ys), max(xs), max(ys)) for xs, ys in corners)
-
-    @cached_property
-    def _indices(self) -> dict[LaneKind | None, _LaneIndex]:
-        return {}
 
     def _index(self, kind: LaneKind | None) -> _LaneIndex:
         """Return an index of all lanes, or of those for a kind, without walking areas, which have no centreline."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -47,6 +47,7 @@ class Walkways:
     shapes: dict[str, Points]
     crossings: dict[str, Crossing]
     joints: tuple[tuple[_End, _End], ...]
+    _stops: dict[Points, tuple[Stop, ...]] = field(default_factory=dict, init=False)
 
     @cached_property
     def neighbours(self) -> dict[_End, dict[_End, None]]:
@@ -99,10 +100,6 @@ class Walkways:
         if path not in self._stops:
             self._stops[path] = self._find_stops(path)
         return self._stops[path]
-
-    @cached_property
-    def _stops(self) -> dict[Points, tuple[Stop, ...]]:
-        return {}
 
     def _find_stops(self, path: Points) -> tuple[Stop, ...]:
         s = lengths(path)
