@@ -50,35 +50,6 @@ _MEASURED_BEFORE = re.compile(
 )
 
 
-_FUNCTIONS = frozenset(
-    [
-        "abs",
-        "sqrt",
-        "pow",
-        "floor",
-        "ceil",
-        "round",
-        "sin",
-        "cos",
-        "tan",
-        "avg",
-        "mean",
-        "sum",
-        "clamp",
-        "random",
-        "exp",
-        "log",
-        "minimum",
-        "maximum",
-        "uniform",
-        "Uniform",
-        "normal",
-        "Normal",
-        "Range",
-    ]
-)
-
-
 _DRAWN = frozenset(["random", "uniform", "Uniform", "normal", "Normal", "Range"])
 _OF_OURS = {
     ("abs", 1): "max({0}, -({0}))",
@@ -90,6 +61,11 @@ _OF_OURS = {
     ("maximum", 2): "max({0}, {1})",
 }
 """Functions of other languages with their number of values, and the calculation of this language that replaces each."""
+_FUNCTIONS = {
+    *("sqrt", "pow", "floor", "ceil", "round", "sin", "cos", "tan", "exp", "log"),
+    *(name for name, _ in _OF_OURS),
+    *_DRAWN,
+}
 
 
 def sign(text: str, at: int) -> Foreign | None:
