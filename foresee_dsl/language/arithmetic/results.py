@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
-from typing import get_args
 
 from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
@@ -14,7 +13,7 @@ from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.traversal import fields_of, walk
-from foresee_dsl.language.units import UNITS, Dimension
+from foresee_dsl.language.units import UNITS
 
 Values = Mapping[str, m.ParamValue]
 _Arguments = tuple[m.Item, str, str, str, HelpText]
@@ -171,8 +170,3 @@ def _result(value: m.Ref | m.Expression, values: Values) -> m.Quantity:
     from foresee_dsl.language.arithmetic.evaluate import evaluate
 
     return evaluate(value, values)
-
-
-def is_number(type_: str) -> bool:
-    """Return whether parameters of this type hold a number, not a word."""
-    return type_ in get_args(Dimension)

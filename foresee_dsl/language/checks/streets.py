@@ -41,7 +41,7 @@ def check_touching(
     collector: Collector, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
 ) -> None:
     """Report names that do not belong to a road at a junction; `named` holds (item, field, name) for each use."""
-    ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
+    ends = [(item.name, item.start, item.end) for item in network.all(m.Road)]
     ends += [(item.name, item.junction, item.junction) for item in network.body if isinstance(item, Ramp)]
     touching = [name for name, *of_road in ends if junction in of_road]
     for item, field, name in named:
@@ -126,7 +126,7 @@ class Streets:
         for _, road in ring.arms:
             far = road.end if road.start == item.name else road.start
             points = [(road, f"via.{k}", point) for k, point in enumerate(road.via)]
-            others = [j for j in self._network.body if isinstance(j, m.Junction) and j.name == far]
+            others = [j for j in self._network.all(m.Junction) if j.name == far]
             for where, field, point in (*points, *((road, "start", j.at) for j in others)):
                 if math.dist((number(point.x), number(point.y)), ring.centre) < ring.outer_m + FROM_END_M:
                     message = f"road '{road.name}' has a point inside the roundabout or too close to it, '{item.name}'"
@@ -230,7 +230,7 @@ class Streets:
         self._range(item, edge, low if joins else low + length, high - length if joins else high, "ramp")
         if not self._placed or item.via:
             return
-        junction = next((j for j in self._network.body if isinstance(j, m.Junction) and j.name == item.junction), None)
+        junction = next((j for j in self._network.all(m.Junction) if j.name == item.junction), None)
         if junction is not None and isinstance(item.at, m.Quantity):
             self._bend(item, edge, junction)
 
@@ -309,7 +309,7 @@ class Streets:
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
-        return frozenset(j.name for j in self._network.body if isinstance(j, m.Junction))
+        return frozenset(junction.name for junction in self._network.all(m.Junction))
 
     def _banned(self, item: m.BannedTurn) -> None:
         if item.junction in self._rings:

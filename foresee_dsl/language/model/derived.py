@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from foresee_dsl.language.model import actors as a
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.actions import HARDEST_MPS2, WIDEST_LINE_M
-from foresee_dsl.language.model.item import ONE_OF, Item, Names
+from foresee_dsl.language.model.item import ONE_OF, Block, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.model.scenario import Expected, ParamValue, SignalState, Slippery, Statement, Tags
@@ -216,7 +216,7 @@ class Drop(Item):
 ExtensionItem = Annotated[Doc | Tags | Expected | Add | Replace | Change | Drop, ONE_OF]
 
 
-class Extension(Item):
+class Extension(Block):
     """`scenario wet_runner extends "runner.foresee" { ... }`: the other scenario with its cases, and these differences.
 
     The result has this file's `doc`, `tags` and `expected`; if this file has no tags, it has the other scenario's tags.
@@ -296,7 +296,7 @@ ClipItem = Annotated[
 ]
 
 
-class Clip(Item):
+class Clip(Block):
     """`clip NAME of "parent.foresee" case r02 pin sha256:... { ... }`.
 
     The network, models, weather and expectations are the parent's; the clip contains everything that moves.
@@ -318,13 +318,13 @@ class Clip(Item):
     @property
     def start_s(self) -> float:
         """Beginning of its window, in the parent's time, s."""
-        window = next((item for item in self.body if isinstance(item, Window)), None)
+        window = self.first(Window)
         return window.start.si if window and isinstance(window.start, v.Quantity) else 0.0
 
     @property
     def risk(self) -> Risk | None:
         """The forecaster's sentence, if any."""
-        return next((item for item in self.body if isinstance(item, Risk)), None)
+        return self.first(Risk)
 
 
 class Origin(Item):
@@ -375,7 +375,7 @@ FOR_PEOPLE = (Doc, Tags, Risk, Fidelity, Expected, Origin)
 """Statements for people, which have no meaning: the hash and comparisons of files leave them out."""
 
 
-class Mutant(Item):
+class Mutant(Block):
     """`mutant NAME of "clip.foresee" pin sha256:... { change ...; origin { ... } }`."""
 
     pattern = "mutant {name} of {parent} pin {pin} { ...body }"
@@ -392,9 +392,9 @@ class Mutant(Item):
     @property
     def changes(self) -> tuple[Change, ...]:
         """The change lines, in order."""
-        return tuple(item for item in self.body if isinstance(item, Change))
+        return self.all(Change)
 
     @property
     def origin(self) -> Origin | None:
         """The origin block, if any."""
-        return next((item for item in self.body if isinstance(item, Origin)), None)
+        return self.first(Origin)

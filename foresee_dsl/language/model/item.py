@@ -4,7 +4,7 @@ import inspect
 from dataclasses import dataclass
 from functools import cache
 from types import NoneType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
@@ -107,6 +107,24 @@ class Item(BaseModel):
 
 class Phrase(Item, kind=""):
     """Base of the parts of statements: values, places, conditions."""
+
+
+_T = TypeVar("_T", bound=Item)
+
+
+class Block(Item, kind=""):
+    """Base of definitions and statements whose braces hold statements, in the author's order."""
+
+    if TYPE_CHECKING:
+        body: tuple[Item, ...]
+
+    def all(self, kind: type[_T]) -> tuple[_T, ...]:
+        """Return the statements of one kind, in the author's order."""
+        return tuple(item for item in self.body if isinstance(item, kind))
+
+    def first(self, kind: type[_T]) -> _T | None:
+        """Return the first statement of one kind, or None if there is none."""
+        return next((item for item in self.body if isinstance(item, kind)), None)
 
 
 def rule_of(kind: type[Item]) -> str:

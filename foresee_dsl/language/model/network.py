@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names
+from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item, Names
 from foresee_dsl.language.model.streets import BannedTurn, Bump, LaneEnd, LaneTurns, OffRamp, OnRamp, Roundabout, Zebra
 
 
@@ -171,7 +171,7 @@ NetworkItem = Annotated[
 ]
 
 
-class Network(Item):
+class Network(Block):
     """`network town { ... }`: a file of its own, or a block `network { ... }` inside a scenario (then the name is
     `here`)."""
 
@@ -237,7 +237,7 @@ class VehicleModel(Item, kind="model"):
     source: v.Text | None = None
 
 
-class Catalogue(Item, kind="models"):
+class Catalogue(Block, kind="models"):
     """`models standard { model car.compact { ... } ... }`: a catalogue of models."""
 
     pattern = "models {name} { ...body }"

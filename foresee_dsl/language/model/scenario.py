@@ -3,16 +3,17 @@
 The expected result of a run with a driver (`Expected`) is recorded with a test case, but is not part of its meaning.
 """
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
 from foresee_dsl.language.model.triggers import When
+from foresee_dsl.language.units import Dimension, dimension_of
 
 FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "rule", "timeout"]
 """Names of failures, the same as in `simulate.results.verdict`. A crash cannot be expected."""
@@ -197,6 +198,11 @@ class Param(Item):
     distribution: Distribution | None = None
     """Distribution from which `cases ... from seed` and `foresee sample` draw its values."""
 
+    @property
+    def dimension(self) -> Dimension | None:
+        """The dimension of its values; None if they are words."""
+        return dimension_of(self.type)
+
 
 class Require(Item):
     """`require gap < 2 s or approach is south`: a condition on the values of each case, written or drawn."""
@@ -372,10 +378,8 @@ Statement = Annotated[_Statement, ONE_OF]
 
 ScenarioItem = Annotated[Doc | Tags | Expected | _Statement, ONE_OF]
 
-_T = TypeVar("_T", bound=Item)
 
-
-class Scenario(Item):
+class Scenario(Block):
     """`scenario red_light_runner { ... }`: a traffic situation; the body keeps the author's order."""
 
     pattern = "scenario {name} { ...body }"
@@ -386,14 +390,6 @@ class Scenario(Item):
 
     name: v.Name
     body: tuple[ScenarioItem, ...]
-
-    def all(self, kind: type[_T]) -> tuple[_T, ...]:
-        """Return the items of one kind, in the author's order."""
-        return tuple(item for item in self.body if isinstance(item, kind))
-
-    def first(self, kind: type[_T]) -> _T | None:
-        """Return the first item of one kind, or None if there is none."""
-        return next(iter(self.all(kind)), None)
 
     @property  # not cached: `model_copy` would carry the old actors into a copy with another body
     def actors(self) -> tuple[Ego | Actor, ...]:

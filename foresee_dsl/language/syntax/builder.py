@@ -12,9 +12,9 @@ from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, unit_hint
-from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.node import Node
+from foresee_dsl.language.units import EXAMPLES, NOUNS
 
 _SHOWN = 40
 """Maximum number of characters of a value that a message repeats."""
