@@ -86,9 +86,8 @@ def _check_joins(collector: Collector, actor: m.Ego | m.Actor) -> None:
     for item in actor.all(m.Joins):
         if not any(isinstance(other, m.AnyPath | m.Track) for other in actor.body):
             help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
-            collector.add(
-                item, "", "FS042", f"'{actor.name}' joins the traffic at the end of a path, but it has no path", help
-            )
+            message = f"'{actor.name}' joins the traffic at the end of a path, but it has no path"
+            collector.add(item, "", "FS042", message, help)
 
 
 def _check_track(collector: Collector, actor: m.Ego | m.Actor) -> None:
@@ -116,9 +115,8 @@ def _check_deviation(collector: Collector, body: Sequence[m.Item], ego: m.Ego | 
         if not isinstance(measure, m.Measure) or measure.what != "deviation":
             continue
         if measure.actor != "ego":
-            message = (
-                "only the ego deviates from its track: " + subject(f"{measure.actor}") + " follows its own exactly"
-            )
+            follows = subject(f"{measure.actor}") + " follows its own exactly"
+            message = "only the ego deviates from its track: " + follows
             collector.add(measure, "actor", "FS042", message, "write " + write("ego.deviation"))
         elif not recorded and ego is not None:
             help = in_block('track "112"', "ego") + " with the name of its recorded track"
@@ -134,13 +132,8 @@ def _check_times(collector: Collector, actor: m.Ego | m.Actor) -> None:
             message = f"'{actor.name}' follows a path, so its `line` cannot have times"
             collector.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
-            collector.add(
-                item,
-                "",
-                "FS042",
-                "the ego cannot have `brakes`, because its driver decides when it brakes",
-                "move it to another actor, or " + remove("remove it"),
-            )
+            message = "the ego cannot have `brakes`, because its driver decides when it brakes"
+            collector.add(item, "", "FS042", message, "move it to another actor, or " + remove("remove it"))
 
 
 def _check_style(collector: Collector, actor: m.Ego | m.Actor) -> None:
@@ -169,13 +162,8 @@ def _check_passes(
         return
     passes = write("passes in lane")
     if isinstance(actor, m.Ego):
-        collector.add(
-            statement,
-            "",
-            "FS042",
-            "the ego cannot have `passes in lane`, because its driver steers",
-            remove("remove it"),
-        )
+        message = "the ego cannot have `passes in lane`, because its driver steers"
+        collector.add(statement, "", "FS042", message, remove("remove it"))
         return
     classes = {model.partition(".")[0] for _, _, model in _models(actor, parameters, cases)}
     if not classes <= set(_PASSING_CLASSES):
@@ -210,13 +198,8 @@ def _check_recorded(collector: Collector, actor: m.Ego | m.Actor) -> None:
     before = 0.0
     for item in actor.all(m.Recorded):
         if isinstance(actor, m.Actor):
-            collector.add(
-                item,
-                "",
-                "FS056",
-                f"'{actor.name}' has a recorded state, but only the ego can follow recorded states",
-                remove("remove it"),
-            )
+            message = f"'{actor.name}' has a recorded state, but only the ego can follow recorded states"
+            collector.add(item, "", "FS056", message, remove("remove it"))
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
                 message = "the time of this recorded state is not later than that of the state before it"

@@ -61,27 +61,13 @@ def _check_scenario(collector: Collector, scenario: m.Scenario) -> None:
         example = "ego: car.sedan { route from south straight over j4 }"
         help = "add the vehicle that is driven by the software under test: " + write(example)
         collector.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
-    for ego in egos[1:]:
-        collector.add(
-            ego,
-            "",
-            "FS035",
-            "this scenario has a second ego",
-            "a scenario has exactly one ego: " + remove("remove it"),
-            head_only=True,
-        )
     if not networks:
         help = "add " + write('use network "town.foresee"') + " or a block `network { ... }`"
         collector.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
-    for network in networks[1:]:
-        collector.add(
-            network,
-            "",
-            "FS036",
-            "this scenario has a second network",
-            "a scenario has exactly one network: " + remove("remove it"),
-            head_only=True,
-        )
+    for what, code, items in (("ego", "FS035", egos), ("network", "FS036", networks)):
+        for item in items[1:]:
+            help = f"a scenario has exactly one {what}: " + remove("remove it")
+            collector.add(item, "", code, f"this scenario has a second {what}", help, head_only=True)
     for kind in (m.End, m.Weather, m.Tags, m.UseTracks):
         collector.only_once(scenario.all(kind))
     if not scenario.all(m.UseTracks):
@@ -174,15 +160,8 @@ def _check_changes(collector: Collector, changes: Sequence[m.Change], *, paramet
         if change.actor in m.OWNERS or rule is None or not rule.timed:
             for field in ("start", "duration"):
                 if getattr(change, field) is not None:
-                    help = (
-                        write("steer")
-                        + ", "
-                        + write("line")
-                        + " and "
-                        + write("brakes")
-                        + " have times, such as "
-                        + write("from 4.00 s for 1.00 s")
-                    )
+                    timed = write("steer") + ", " + write("line") + " and " + write("brakes")
+                    help = timed + " have times, such as " + write("from 4.00 s for 1.00 s")
                     collector.add(change, field, "FS124", f"'{'.'.join(path)}' cannot have times", help)
 
 
@@ -250,9 +229,8 @@ def _check_figures(collector: Collector, model: m.VehicleModel) -> None:
         low, high = getattr(model, less), getattr(model, more)
         if isinstance(low, m.Quantity) and isinstance(high, m.Quantity) and low.si > high.si:
             message = f"its {less} `{written(low)}` is above its {more} `{written(high)}`"
-            collector.add(
-                model, less, "FS055", message, "use at most " + write(written(high)) + ", or raise " + write(more)
-            )
+            help: HelpText = "use at most " + write(written(high)) + ", or raise " + write(more)
+            collector.add(model, less, "FS055", message, help)
     parts = {name: getattr(model, name) for name in ("front_overhang", "wheelbase", "rear_overhang")}
     lengths = {name: part for name, part in parts.items() if isinstance(part, m.Quantity)}
     if not lengths or not isinstance(model.length, m.Quantity):

@@ -71,13 +71,8 @@ def _check_assignment(
 
         if parameter.dimension is None:
             message = f"'{parameter.name}' is of type {parameter.type}, not a number"
-            collector.add(
-                assignment,
-                "value",
-                "FS034",
-                message,
-                "write it like the default, " + write(value_text(parameter.default)),
-            )
+            help = "write it like the default, " + write(value_text(parameter.default))
+            collector.add(assignment, "value", "FS034", message, help)
         elif not unknown_in(value, types):
             check_expression(collector, assignment, "value", value, parameter.dimension, types)
     else:
@@ -162,9 +157,8 @@ def _check_value(collector: Collector, parameter: m.Param, item: m.Item, field: 
     if not low - slack <= value.si <= high + slack:
         message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
         near = written(limits.low if value.si < low else limits.high)
-        collector.add(
-            item, field, "FS033", message, "use a value inside it, such as " + write(near) + ", or widen the range"
-        )
+        help = "use a value inside it, such as " + write(near) + ", or widen the range"
+        collector.add(item, field, "FS033", message, help)
     elif limits.step is not None and limits.step.si > 0:
         steps = (value.si - low) / limits.step.si
         if abs(steps - round(steps)) > _ON_STEP * max(1.0, abs(steps)):

@@ -52,14 +52,8 @@ def _check_part(collector: Collector, part: m.Condition, parameters: dict[str, m
         types = {name: parameter.type for name, parameter in parameters.items()}
         unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
         return not unknown and compare_sides(collector, part, types)
-    help = (
-        "compare parameters only: "
-        + write("require gap < 2 s")
-        + "; for what happens during the run use "
-        + write("when")
-        + " or "
-        + write("expect")
-    )
+    others = "; for what happens during the run use " + write("when") + " or " + write("expect")
+    help = "compare parameters only: " + write("require gap < 2 s") + others
     collector.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
     return False
 

@@ -123,13 +123,8 @@ _A_MODEL = {
 def _not_about_the_world(collector: Collector, item: m.Comparison | m.Equals) -> None:
     """Report a parameter in the place of a measured quantity: a parameter never changes during the run."""
     name = written(item.left)
-    help = (
-        "compare something that is measured in the run, such as "
-        + write("ego.speed")
-        + "; or write "
-        + write(f"require {written(item)}")
-        + " in the scenario"
-    )
+    requirement = write(f"require {written(item)}") + " in the scenario"
+    help = "compare something that is measured in the run, such as " + write("ego.speed") + "; or write " + requirement
     collector.add(item, "left", "FS052", f"'{name}' does not change during the run", help)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.arithmetic import interval_of_param
 from foresee_dsl.language.lints.logic import holds_for_some, negated
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import value_text, written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
 _WIDEST_LANE_M = 10.0
@@ -200,7 +200,8 @@ def _out_of_range(comparison: m.Comparison, left: m.Ref, limits: Limits) -> str:
     bound = theirs[1] if comparison.op[0] == "<" else theirs[0]
     if holds_for_some(comparison.op, bound, *mine):
         return ""
-    values = written(parameter.range) if parameter.range is not None else ", ".join(sorted(_texts(parameter)))
+    options = ", ".join(sorted(map(value_text, parameter.options or ())))
+    values = written(parameter.range) if parameter.range is not None else options
     return f"'{left.name}' can be {values}"
 
 
@@ -214,11 +215,6 @@ def _no_option(condition: m.Equals, limits: Limits) -> str:
 
 def _options(parameter: m.Param | None) -> set[str]:
     return {option for option in parameter.options or () if isinstance(option, str)} if parameter is not None else set()
-
-
-def _texts(parameter: m.Param) -> Iterator[str]:
-    for option in parameter.options or ():
-        yield written(option) if isinstance(option, m.Quantity) else option
 
 
 # ---- parts that exclude each other ----------------------------------------------------------------------------------

@@ -157,11 +157,8 @@ class Refusal:
         if self._rule == "action" and self._is_word() and "starts" in words:
             return "FS004", f"unknown action '{excerpt}'", "write one of: " + one_of(sorted(words))
         if self._expected == END and (not usage or self.word == ","):
-            return (
-                "FS003",
-                f"unexpected `{excerpt}`: expected {END}",
-                "begin a new line, or write " + write(";") + " between them",
-            )
+            help = "begin a new line, or write " + write(";") + " between them"
+            return "FS003", f"unexpected `{excerpt}`: expected {END}", help
         meant = self._meant_here(words)
         if meant:
             usage = meant_code(meant)

@@ -183,12 +183,8 @@ def _first(text: str, rule: str, word: str) -> Foreign | None:
 def _action(text: str, word: str) -> Foreign | None:
     if (match := _WAIT.match(text)) is not None and not text[match.end() :].strip()[:1].isdigit():
         message = f"`{match[0]}`: `wait` takes a time; to wait for a condition, write a block"
-        return Foreign(
-            0,
-            match.end(),
-            message,
-            "write `then when CONDITION { ... }`, such as " + write("then when ego.speed < 3 m/s { lead stops }"),
-        )
+        block = write("then when ego.speed < 3 m/s { lead stops }")
+        return Foreign(0, match.end(), message, "write `then when CONDITION { ... }`, such as " + block)
     if (match := _TURNS.match(text)) is not None:
         turns = f"{match['name']} turns to ns_go"
         which = "name the stage, and behind it a colour if needed: " + write(turns) + " or " + write(f"{turns} amber")

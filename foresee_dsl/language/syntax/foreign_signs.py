@@ -94,13 +94,9 @@ def _share(text: str, at: int) -> Foreign | None:
         return None
     share = f"{Decimal(match['number']) / 100:f}"
     written = match[0].rstrip()
-    times = " *" if match["of"] else ""
-    return Foreign(
-        match.start(),
-        match.start() + len(written),
-        f"`{written}`: write a share as a plain number",
-        meant_code(f"{share}{times}"),
-    )
+    help = meant_code(f"{share} *" if match["of"] else share)
+    end = match.start() + len(written)
+    return Foreign(match.start(), end, f"`{written}`: write a share as a plain number", help)
 
 
 def inside(text: str, rule: str, at: int) -> Foreign | None:
@@ -165,12 +161,8 @@ def _function(text: str, at: int) -> Foreign | None:
         help = meant_code(ours.format(*arguments))
         return Foreign(called.start(), closed + 1, f"{message}: `{text[called.start() : closed + 1]}`", help)
     if called["name"] in _DRAWN:
-        help = (
-            "draw a parameter: "
-            + write("param gap: time = 1.5 s in 0 s..4 s as uniform")
-            + ", with "
-            + write("cases 20 from seed 7")
-        )
+        param = write("param gap: time = 1.5 s in 0 s..4 s as uniform")
+        help = "draw a parameter: " + param + ", with " + write("cases 20 from seed 7")
         return Foreign(called.start(), called.end(), message, help)
     help = write("min(a, b)") + " and " + write("max(a, b)") + " are the only functions"
     return Foreign(called.start(), called.end(), message, help)

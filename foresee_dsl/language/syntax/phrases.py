@@ -337,12 +337,6 @@ def _expectation(text: str, reads: Callable[[str], bool]) -> Foreign | None:
         return Foreign(start, end, message, meant_code(f"eventually {inner}"))
     if _HOLDS_ALWAYS.search(inner):
         return Foreign(start, end, message, meant_code(f"always {inner}"))
-    help = (
-        write(f"always {inner}")
-        + " requires it at every moment, "
-        + write(f"never {inner}")
-        + " at none, "
-        + write(f"eventually {inner}")
-        + " at one"
-    )
+    help = write(f"always {inner}") + " requires it at every moment, " + write(f"never {inner}") + " at none, "
+    help += write(f"eventually {inner}") + " at one"
     return Foreign(start, end, message, help)
