@@ -9,19 +9,16 @@ import numpy as np
 
 from foresee_dsl.avoidance.anticipating.settings import BUILDS_UP_S, COMFORTABLE_MPS2, LATERAL_JERK_MPS3, LATERAL_MPS2
 from foresee_dsl.avoidance.anticipating.way import Way
-from foresee_dsl.avoidance.replay import KEEPS_PATH_M, Replay, pedals_for, wheel_share
+from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
-from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.actors.dynamics import Bicycle
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 _PEAK, _JERK = 10 / math.sqrt(3), 30.0
 """A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5. `_PEAK` is the largest value of its second derivative,
 `_JERK` the value of its third derivative in the middle, where the steering changes sides."""
-_SLOW_MPS = 1.0
-"""Lowest speed by which steering angles are divided, m/s. Ours: below it the ego does not evade."""
 
 
 @dataclass(frozen=True)
@@ -66,43 +63,17 @@ def sidestep_s(sideways_m: float) -> float:
     return max(math.sqrt(_PEAK * far / LATERAL_MPS2), math.cbrt(_JERK * far / LATERAL_JERK_MPS3))
 
 
-HARDEST = HARDEST_BRAKING_MPS2
-"""The hardest braking: R157's, 0.774 g."""
-
-
 class Manoeuvre(Replay):
     """Drives a recorded run again and carries out a plan once the plan begins."""
 
     name = "anticipating"
     version = "1"
 
-    def __init__(self, trace: Trace, way: Way, plan: Plan, scene: Scene | None = None) -> None:
-        super().__init__(trace, plan.begins_s, scene)
-        self._path, self._way, self._plan = way, way, plan
+    def __init__(self, trace: Trace, way: Way, plan: Plan, scene: Scene) -> None:
+        super().__init__(trace, plan.begins_s, scene, way)
+        self._plan = plan
 
     def _brake(self, bicycle: Bicycle) -> Control:
         now = (self._frame + 1) * STEP_S
-        level = self._plan.braking_at(now, self._least_mps2)
-        wheel = wheel_share(self._steered(bicycle, now), bicycle.limits.steer_max_rad)
-        if self._state.speed <= level * STEP_S:
-            return Control(wheel, 0.0, 1.0)  # the ego stops, and the brake holds it
-        return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
-
-    def _steered(self, bicycle: Bicycle, time_s: float) -> float:
-        """Return the angle of the front wheels that steers the ego onto its wanted line without overshooting, rad."""
-        aside, rate, bend = (float(value[0]) for value in self._plan.aside_at(np.array([time_s])))
-        return steered(bicycle, self._way, self._along, self._state, (aside, rate, bend))
-
-
-def steered(bicycle: Bicycle, way: Way, along_m: float, s: BicycleState, wanted: tuple[float, float, float]) -> float:
-    """Return the angle of the front wheels that follows a line beside a path, rad.
-
-    `wanted`: lateral offset of the line, m, and its first and second derivatives.
-    """
-    x, y, heading = way.at(np.array([along_m]))[0].tolist()
-    dx, dy = s.x - x, s.y - y
-    speed = max(s.speed, _SLOW_MPS)
-    lateral = -dx * math.sin(heading) + dy * math.cos(heading) - wanted[0]
-    turned = math.remainder(s.heading - heading, math.tau) - wanted[1] / speed
-    ahead = math.tan(way.steer(along_m + s.speed * STEP_S)) / bicycle.limits.wheelbase_m + wanted[2] / speed**2
-    return bicycle.steer_for(ahead - lateral / KEEPS_PATH_M**2 - 2 * turned / KEEPS_PATH_M)
+        aside, rate, bend = (float(value[0]) for value in self._plan.aside_at(np.array([now])))
+        return self._on_path(bicycle, self._plan.braking_at(now, self._least_mps2), (aside, rate, bend))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.manoeuvre import HARDEST, Plan, sidestep_s
+from foresee_dsl.avoidance.anticipating.manoeuvre import Plan, sidestep_s
 from foresee_dsl.avoidance.anticipating.settings import (
     COMFORTABLE_MPS2,
     EASES_MPS2,
@@ -28,6 +28,7 @@ from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import gaps_to_first
+from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
 from foresee_dsl.simulate.results.drivable_area import squares_of
 from foresee_dsl.simulate.results.outcome import off_road_points
@@ -107,7 +108,7 @@ class Screening:
 
     def braking(self, begins_s: float) -> ScreenedManoeuvre:
         """Return the gentlest braking from a time on that keeps the margin; the hardest if none does."""
-        for strength in (COMFORTABLE_MPS2, FIRM_MPS2, HARDEST):
+        for strength in (COMFORTABLE_MPS2, FIRM_MPS2, HARDEST_BRAKING_MPS2):
             plan = Plan(begins_s, strength)
             least = self.least_m(plan)
             if least >= MARGIN_M:
@@ -116,7 +117,7 @@ class Screening:
 
     def hardest(self, begins_s: float) -> ScreenedManoeuvre:
         """Return the hardest braking from a time on."""
-        plan = Plan(begins_s, HARDEST)
+        plan = Plan(begins_s, HARDEST_BRAKING_MPS2)
         return ScreenedManoeuvre(plan, self.least_m(plan))
 
     def latest_s(self, begins_s: float) -> float:
@@ -127,7 +128,7 @@ class Screening:
         low, high = round(begins_s / STEP_S), len(self._speeds) - 1
         while high - low > 1:
             middle = (low + high) // 2
-            if self.least_m(Plan(middle * STEP_S, HARDEST)) >= MARGIN_M:
+            if self.least_m(Plan(middle * STEP_S, HARDEST_BRAKING_MPS2)) >= MARGIN_M:
                 low = middle
             else:
                 high = middle
