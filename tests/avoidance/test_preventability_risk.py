@@ -16,7 +16,6 @@ from foresee_dsl.avoidance.r157.risk import (
     perceive,
     predicted,
 )
-from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import Mover, box_overlap
 from foresee_dsl.simulate.results.outcome import who_struck
 from foresee_dsl.simulate.sensing.sight import in_view, sight_of
@@ -28,7 +27,7 @@ def seen(ego: Track, other: Track, end_s: float | None = None) -> Perception | N
     """What is perceived in a run that ends with the contact, or at a time."""
     trace = make_trace({"ego": ego, "other": other})
     if end_s is None:
-        met = np.flatnonzero(box_overlap(footprints(trace, 0), footprints(trace, 1)))
+        met = np.flatnonzero(box_overlap(trace.boxes(0), trace.boxes(1)))
         frames = int(met[0]) + 1 if met.size else trace.frames
     else:
         frames = round(end_s / STEP_S) + 1

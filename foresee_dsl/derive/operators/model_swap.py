@@ -36,15 +36,22 @@ class ModelSwap(BuiltIn):
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw one of the models that fit."""
         del preset
-        others = _fitting(situation, target)
+        others = self.fitting(situation, target)
         if not others:
             return ()
         now = others[int(rng.integers(len(others)))]
         return (Change(actor=target, property=self.property, was=situation.info(target).model, now=now),)
 
     def fitting(self, situation: Situation, target: str) -> tuple[str, ...]:
-        """Return the names of the models that fit in the place of a target's, sorted; all are equally likely."""
-        return _fitting(situation, target)
+        """Return the names of the other models that fit in the place of a target's at the clip's first frame, sorted;
+        all are equally likely.
+        """
+        fitting = situation.fitting_models
+        if target not in fitting:
+            others = sorted(name for name in situation.swappable if name != situation.info(target).model)
+            trace, column = situation.trace, situation.columns[target]
+            fitting[target] = tuple(name for name in others if fits(trace, column, 0, situation.models[name]))
+        return fitting[target]
 
     def tracks(self, boxes: FloatArray, specs: Sequence[ModelSpec], now: ModelSpec) -> FloatArray:
         """Return an actor's track with each of N other models: [N, T, 5] footprints.
@@ -74,16 +81,6 @@ class ModelSwap(BuiltIn):
             and situation.kind(actor) != "obstacle"
         ]
         return min(relevant, key=lambda a: (float(situation.gaps[a].min()), situation.columns[a]), default="")
-
-
-def _fitting(situation: Situation, actor: str) -> tuple[str, ...]:
-    """Return the names of the other models that fit an actor at the clip's first frame, sorted."""
-    fitting = situation.fitting_models
-    if actor not in fitting:
-        others = sorted(name for name in situation.swappable if name != situation.info(actor).model)
-        trace, column = situation.trace, situation.columns[actor]
-        fitting[actor] = tuple(name for name in others if fits(trace, column, 0, situation.models[name]))
-    return fitting[actor]
 
 
 def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.forecast.geometry import distances_to_ego
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_distances
@@ -200,13 +200,6 @@ class Numeric(BuiltIn):
         """Return the change of a target's property to an allowed value."""
         del preset
         return self.changed(situation, target, value)
-
-
-def added_si(change: Change) -> float:
-    """Return the difference between a change's new and old value, in SI units."""
-    if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
-        raise TypeError(f"the value of {change.actor}.{change.property} must be a quantity")
-    return change.now.si - change.was.si
 
 
 @lru_cache(maxsize=256)
