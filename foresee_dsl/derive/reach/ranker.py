@@ -11,7 +11,6 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from foresee_dsl.avoidance.candidates.behaviours import what_if
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoidable_shares
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
@@ -28,6 +27,7 @@ from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import Mutations, RiskyPoint
 from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.kernels.what_if import WhatIf
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _QUARTERS = 4
@@ -102,7 +102,8 @@ def _avoided_share(run: RecordedRun, promised: ReachPromise, settings: ReachSett
         return 0.0
     places = np.unique(np.round(np.linspace(0, len(promised.reaching) - 1, settings.decided)).astype(np.int64))
     last = change.onset + rolled.every * rolled.steps
-    what = what_if(run.trace.actors[change.actor], change.actor, change.onset, last)
+    info = run.trace.actors[change.actor]
+    what = WhatIf(change.actor, change.onset, last, info.length_m, info.width_m, info.cruise_mps)
     return float(avoidable_shares(run, what, _rows(run, rolled, promised.reaching[places])).mean())
 
 
