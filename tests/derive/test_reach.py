@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.operators import operators
-from foresee_dsl.derive.operators.steer import Steer, largest_share
+from foresee_dsl.derive.operators.paper import Steer, largest_share
 from foresee_dsl.derive.presets import FOCUSED, PAPER
 from foresee_dsl.derive.reach.ranker import ReachPromise, ReachRanker, Tale, in_order
 from foresee_dsl.derive.reach.rolling import ReachSettings, RolledChange, RollOut

@@ -13,8 +13,7 @@ import numpy as np
 
 from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, DriveAhead
 from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
-from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre
-from foresee_dsl.avoidance.anticipating.screening import ScreenedManoeuvre, Screening, sideways
+from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre, ScreenedManoeuvre, Screening, sideways
 from foresee_dsl.avoidance.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
 from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.judge import ANTICIPATING, Failure, contact

@@ -23,7 +23,7 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S, YAW_RATE, ActorInfo
 
 _ALONG_RAD = math.radians(45)
 """Two vehicles drive in the same direction if their headings differ by at most this, rad (as in
-`operators.model_swap`).
+`operators.paper`).
 """
 
 

@@ -10,10 +10,9 @@ from functools import lru_cache
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, HeavyWeather, LineShift, StyleChange, TimingShift
+from foresee_dsl.derive.operators.paper import ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
-from foresee_dsl.derive.operators.steer import Steer
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray

@@ -16,7 +16,7 @@ from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoidable_s
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.derive.operators import operators
-from foresee_dsl.derive.operators.model_swap import ModelSwap
+from foresee_dsl.derive.operators.paper import ModelSwap
 from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import Preset, preset
 from foresee_dsl.derive.reach.rolling import ReachSettings, Rolling, RollOut

@@ -15,10 +15,9 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
-from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import Shift
+from foresee_dsl.derive.operators.paper import RECOVERS_S, ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation
-from foresee_dsl.derive.operators.steer import RECOVERS_S, Steer
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray
