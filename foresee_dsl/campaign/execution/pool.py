@@ -12,7 +12,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import Any, Literal, Self
 
@@ -257,6 +257,19 @@ class WorkerPool(Executor):
         for update in chain.from_iterable(self.updates()):
             if update.final:
                 yield update.task, update.value
+
+    def outcomes(self, tasks: Iterable[Task], on_end: Callable[[Any], None] = lambda _: None) -> list[Any]:
+        """Run tasks, and return the outcome of each, or its `BrokenTask`, in the order of the tasks.
+
+        `on_end`: called with each outcome as soon as its task ends.
+        """
+        numbered = [replace(task, key=str(k)) for k, task in enumerate(tasks)]
+        self.add(numbered)
+        outcomes: dict[str, Any] = {}
+        for task, outcome in self.results():
+            outcomes[task.key] = outcome
+            on_end(outcome)
+        return [outcomes[task.key] for task in numbered]
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
         """See `Executor`; `stop` is called ten times a second."""

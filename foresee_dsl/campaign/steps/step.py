@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
-from foresee_dsl.campaign.driving import longest_s
+from foresee_dsl.campaign.driving import DriverSetup, longest_s
 from foresee_dsl.campaign.records import Draft, Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef, load_case, load_trace
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
@@ -70,6 +70,10 @@ class Work:
     folder: Path
     trace: InputRef | None = None
     deadlines: Deadlines = DEADLINES
+
+    def setup(self, seed: int, driver: str = "") -> DriverSetup:
+        """Return how runs with a seed are driven; `driver`: another driver than that of the campaign."""
+        return DriverSetup(driver or self.settings.driver, seed, self.deadlines, self.settings.rules)
 
 
 @dataclass(frozen=True)
