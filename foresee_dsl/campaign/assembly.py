@@ -241,5 +241,6 @@ def choose_representatives(stages: Stages) -> tuple[StepNode, ...]:
 
     With a shard, only its own findings count.
     """
-    findings = findings_of(assemble(stages, stages.out, failures=True))
+    assembly = assemble(stages, stages.out, failures=True)
+    findings = findings_of(assembly.seeds, assembly.clips)
     return stages.choose({f.name for f in findings if isinstance(f.representative, ChildOutcome)})

@@ -12,7 +12,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.repinning.repin import DerivedFile
 
 
-def before_and_after(derived_files: Sequence[DerivedFile], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
+def before_and_after(derived_files: Sequence[DerivedFile]) -> dict[Path, tuple[str, str]]:
     """Run each derived file under its old parent and under the edited one, in new processes.
 
     Driver and seed are those that the derived file records (otherwise `pdm` and 0).
@@ -29,7 +29,7 @@ def before_and_after(derived_files: Sequence[DerivedFile], *, jobs: int = 1) -> 
         ((recorded_setup(derived.new or derived.old).driver, derived.file) for derived in derived_files),
         "`foresee verify --run-programs` runs them",
     )
-    with WorkerPool(jobs) as pool:
+    with WorkerPool(1) as pool:
         outcomes = pool.outcomes(Task(str(file), _ending, case) for file, _, case in runs)
     ended = {
         (file, when): outcome.reason if isinstance(outcome, BrokenTask) else outcome

@@ -23,8 +23,7 @@ from foresee_dsl.campaign.regression.expectations import (
     name_to_record,
     names_of,
 )
-from foresee_dsl.campaign.regression.index import write_index
-from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in
+from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in, write_index
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver

@@ -8,9 +8,9 @@ from typing import Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.records import Minimised
+from foresee_dsl.campaign.steps.case_reference import Reference, drive_failure
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
-from foresee_dsl.campaign.steps.reference import Reference, drive_failure
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant

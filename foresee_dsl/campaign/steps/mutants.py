@@ -56,7 +56,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield one step per seed."""
         s, draft = campaign.settings, above.draft
-        request = RoundRequest(int(s.in_rounds), campaign.earlier.requests(draft.text) if campaign.earlier else ())
+        request = RoundRequest(int(s.in_rounds), campaign.earlier(draft.text) if campaign.earlier else ())
         request_part = {"asked": request.identity} if request.children else {}
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,

@@ -32,6 +32,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, decode
 from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.documents import plain
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.steps import EVERY_S
 from foresee_dsl.report.terminal.tables import duration
@@ -47,7 +48,7 @@ LONGEST_LINE = 99
 `campaign.json` have the whole reasons."""
 
 
-class Figures(Listener):
+class Figures(TimeLeft):
     """Counts of a campaign's planned and finished runs by kind, and of its children's verdicts."""
 
     def __init__(
@@ -55,32 +56,19 @@ class Figures(Listener):
         clock: Callable[[], float] = time.monotonic,
         settings: CampaignSettings = CampaignSettings(),  # noqa: B008
     ) -> None:
-        self._clock = clock
-        self._left = TimeLeft(settings, clock)
-        self._began = clock()
-        self.total: Counter[str] = Counter()
-        self.finished: Counter[str] = Counter()
-        self.run_here: Counter[str] = Counter()
-        """The finished runs that were not in the store, counted by kind."""
+        super().__init__(settings, clock)
         self.verdicts: Counter[str] = Counter()
         self.last_round: Round | None = None
         """The last round of children that has begun; None if children are not allocated in rounds."""
 
     def round(self, begun: Round) -> None:
         """Remember the round of children that begins."""
+        super().round(begun)
         self.last_round = begun
-        self._left.round(begun)
-
-    def planned(self, kind: str, count: int) -> None:
-        """Count runs that are planned."""
-        self.total[kind] += count
-        self._left.planned(kind, count)
 
     def done(self, row: Row, *, new: bool = True) -> None:
         """Count a finished run."""
-        self.finished[row.kind] += 1
-        self.run_here[row.kind] += new
-        self._left.done(row, new=new)
+        super().done(row, new=new)
         if row.kind == "child":
             self.verdicts[row.verdict] += 1
 
@@ -97,7 +85,7 @@ class Figures(Listener):
 
         It has at most `LONGEST_LINE` characters: counts of the last stages are left out first.
         """
-        took_s = self._clock() - self._began
+        took_s = self._clock() - self._began_s
         rate = sum(self.run_here[kind] for kind in TITLES) / took_s if took_s > 0 else 0.0
         failures = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
         parts = [self.ahead(), f"failures {failures}" if failures else "no failures"]
@@ -113,8 +101,8 @@ class Figures(Listener):
 
     def ahead(self) -> str:
         """Return, in words, the share that is done and the time left; "" while they cannot be estimated."""
-        left_s = self._left.left_s
-        return f"{self._left.shown_share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
+        left_s = self.left_s
+        return f"{self.shown_share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
 
 
 class FirstFailure(Listener):
@@ -187,7 +175,7 @@ class RichProgress(Figures):
         if row.kind in self._bars:
             self.bars.update(self._bars[row.kind], completed=self.finished[row.kind])
         if ahead := self.ahead():
-            percent = round(self._left.shown_share * 100)
+            percent = round(self.shown_share * 100)
             self.bars.update(self._all, visible=True, description=ahead, total=100, completed=percent)
         if self.failures and row.kind == "child":
             self._describe_children()
@@ -254,8 +242,7 @@ class JsonLog(Listener):
 
     def round(self, begun: Round) -> None:
         """Write that a round of children begins."""
-        self.write("round", number=begun.number, of=begun.of, children=begun.children, before=begun.before,
-                   total=begun.total, clips=dict(begun.clips), ways=dict(begun.ways))  # fmt: skip
+        self.write("round", **plain(begun))
 
     def broken(self, what: str) -> None:
         """Write that a step could not be run."""

@@ -7,6 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable
 
 from foresee_dsl.campaign.allocation.rounds import Round
+from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import FAILED, STEPS
 from foresee_dsl.campaign.steps.step import AnyStep
@@ -53,23 +54,26 @@ _NEARLY = 0.9
 Ours."""
 
 
-class TimeLeft:
-    """Estimates the time left, so that the estimate changes little from one moment to the next."""
+class TimeLeft(Listener):
+    """Counts a campaign's runs, and estimates the time left, so that the estimate changes little from one moment to the
+    next.
+    """
 
     def __init__(self, settings: CampaignSettings, clock: Callable[[], float] = time.monotonic) -> None:
         """Start the clock; `clock` returns the current time, s."""
         self._clock, self._began_s = clock, clock()
+        self.total: Counter[str] = Counter()
+        """Number of planned runs by kind."""
+        self.finished: Counter[str] = Counter()
+        self.run_here: Counter[str] = Counter()
+        """The finished runs that were not in the store, counted by kind."""
         at_most = {step.kind: step.at_most(settings) for step in RUNS}
-        if "child" in at_most:
-            at_most["child"] *= settings.repeat
+        at_most["child"] *= settings.repeat
         self._usual = {step.kind: at_most[step.kind] * USUAL_SHARE.get(step.kind, step.share) for step in RUNS}
         self._in_rounds = settings.in_rounds
         self._children = 0
         """Total number of children in all rounds; 0 until a later round states it, or if there are no rounds."""
-        self._planned: Counter[str] = Counter()
-        self._finished: Counter[str] = Counter()
         self._failed: Counter[str] = Counter()
-        self._here: Counter[str] = Counter()
         self._wall_s: defaultdict[str, float] = defaultdict(float)
         self._whole_s = 0.0
         self.shown_share = 0.0
@@ -78,18 +82,18 @@ class TimeLeft:
 
     def planned(self, kind: str, count: int) -> None:
         """Count further planned runs of a kind."""
-        self._planned[kind] += count
+        self.total[kind] += count
 
     def round(self, begun: Round) -> None:
         """Take the total number of children from a round that begins."""
         self._children = max(self._children, begun.total)
 
-    def done(self, row: Row, *, new: bool) -> None:
+    def done(self, row: Row, *, new: bool = True) -> None:
         """Count a finished run; `new`: whether it was run now, not taken from the store."""
-        self._finished[row.kind] += 1
+        self.finished[row.kind] += 1
         self._failed[row.kind] += row.verdict in FAILED
         if new:
-            self._here[row.kind] += 1
+            self.run_here[row.kind] += 1
             self._wall_s[row.kind] += row.wall_s
 
     @property
@@ -101,26 +105,26 @@ class TimeLeft:
             kind, above = step.kind, _ABOVE[step.kind]
             expected = of_kind.get(above, 0.0)
             if above:
-                ahead = max(0.0, expected - self._finished[above])
-                seen = self._finished[above]
-                each = (self._planned[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
+                ahead = max(0.0, expected - self.finished[above])
+                seen = self.finished[above]
+                each = (self.total[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:
                     # A round is planned only when the round before has ended; until then the usual number of children
                     # is assumed.
-                    expected = max(self._planned[kind], self._children or expected * self._usual[kind])
+                    expected = max(self.total[kind], self._children or expected * self._usual[kind])
                 elif not step.after_all:
-                    expected = self._planned[kind] + ahead * each
-                elif self._planned[kind]:
-                    expected = float(self._planned[kind])
+                    expected = self.total[kind] + ahead * each
+                elif self.total[kind]:
+                    expected = float(self.total[kind])
                 else:  # this step comes after all runs above it, and only for those that failed
                     failing = (self._failed[above] + _FAILING * _WEIGHT) / (seen + _WEIGHT)
                     alike = max(1.0, expected * failing / _ALIKE_FROM) ** (_ALIKE_POWER - 1)
                     expected *= failing * self._usual[kind] / _FAILING * alike
             else:
-                expected = float(self._planned[kind])
-            each_s = (self._wall_s[kind] + step.usual_s * _WEIGHT) / (self._here[kind] + _WEIGHT)
-            done += self._here[kind] * each_s
-            whole += max(0.0, expected - (self._finished[kind] - self._here[kind])) * each_s
+                expected = float(self.total[kind])
+            each_s = (self._wall_s[kind] + step.usual_s * _WEIGHT) / (self.run_here[kind] + _WEIGHT)
+            done += self.run_here[kind] * each_s
+            whole += max(0.0, expected - (self.finished[kind] - self.run_here[kind])) * each_s
             of_kind[kind] = expected
         return min(1.0, done / whole) if whole else 0.0
 
