@@ -26,11 +26,6 @@ class Drawing:
     subject: SceneSubject
     sheet: Sheet
 
-    @property
-    def mistakes(self) -> tuple[Mistake, ...]:
-        """Return the errors in the text of the scene."""
-        return self.subject.mistakes
-
 
 def draw(
     address: str,
@@ -99,7 +94,7 @@ def _drawn(drawing: Drawing) -> dict[str, Any]:
         "title": drawing.subject.title,
         "cases": list(drawing.subject.cases),
         "case": drawing.subject.case,
-        "mistakes": [_mistake(mistake) for mistake in drawing.mistakes],
+        "mistakes": [_mistake(mistake) for mistake in drawing.subject.mistakes],
         "files": [path.as_posix() for path in drawing.subject.files],
     }
 

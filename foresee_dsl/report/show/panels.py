@@ -12,9 +12,10 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import corners
 from foresee_dsl.kernels.constants import STANDS_MPS
-from foresee_dsl.report.drawing.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
+from foresee_dsl.report.drawing.ground import Bounds, Ground, Layer, ground_of, with_patches, within
 from foresee_dsl.report.drawing.shapes import body_shapes, ghost_shape, ground_shapes
 from foresee_dsl.report.drawing.sheet import DrawnPart
 from foresee_dsl.report.safe_text import shortened
