@@ -10,11 +10,10 @@ import pytest
 
 from foresee_dsl.compile.bundle import PlacedActor, Scene, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.sumo_files import types_of, write_sumo_folder
 from foresee_dsl.language.model import VehicleModel
-from tests.support.worlds import four_arms, net_of, q
+from tests.support.worlds import four_arms, net_of, q, read_signals
 
 FIRST_STEP = """
 import json, sys, libsumo

@@ -12,9 +12,9 @@ from foresee_dsl.compile.foreign import networks
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.project.loading import load_test_case
+from tests.support.worlds import read_signals
 
 NODES = """<nodes>
   <node id="w" x="-60" y="0"/><node id="j" x="0" y="0" type="traffic_light"/><node id="e" x="80" y="0"/>

@@ -12,10 +12,9 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_reading import crosswalks_of
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
-from tests.support.worlds import four_arms, net_of
+from tests.support.worlds import four_arms, net_of, read_signals
 
 LANES = """<net>
   <edge id=":j_0" function="internal">

@@ -12,9 +12,9 @@ from foresee_dsl.compile.foreign.networks import close_parking, write_net
 from foresee_dsl.compile.foreign.signal_programs import give_programs, stages_of
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.safe_xml import parse_net
-from foresee_dsl.compile.nets.signals import links_of, read_signals
+from foresee_dsl.compile.nets.signals import links_of
 from foresee_dsl.language.model import Network
-from tests.support.worlds import four_arms, net_of, t_junction
+from tests.support.worlds import four_arms, net_of, read_signals, t_junction
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
-from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, links_of, read_signals
+from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, links_of
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Network
 from tests.support.sumo_run import drive_everywhere
-from tests.support.worlds import ends_of, four_arms, junction, net_of, net_root, road, stage, t_junction
+from tests.support.worlds import ends_of, four_arms, junction, net_of, net_root, read_signals, road, stage, t_junction
 
 TOWN03 = Path(__file__).parents[3] / "shared" / "data" / "carla" / "maps" / "net" / "Town03.net.xml"
 

@@ -13,9 +13,11 @@ from xml.etree import ElementTree
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net
+from foresee_dsl.compile.nets.net_reader import topology_of
 from foresee_dsl.compile.nets.netconvert import run_netconvert
 from foresee_dsl.compile.nets.network_builder import build_network
-from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.nets.signals import signals_of
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.errors import Message
@@ -165,6 +167,12 @@ def grid_net() -> Path:
         run_netconvert(["-n", "t.nod.xml", "-e", "t.edg.xml", *options], folder)
 
     return cached_net(("grid", nodes, edges, _TYPES), build)
+
+
+def read_signals(net, network):
+    """Return the signals of a net file by junction; `network`: the written network of which it was built, or None."""
+    root = parse_net(net)
+    return signals_of(root, topology_of(root), network)
 
 
 # ---- test cases as text ---------------------------------------------------------------------------------------------

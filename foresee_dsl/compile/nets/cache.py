@@ -67,7 +67,7 @@ def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) 
 
 
 def read_net_once(net_file: Path, network: Network | None) -> tuple[Topology, Mapping[str, Signal]]:
-    """Return the parts and signals of a net in the cache, as `read_net` and `read_signals` return them.
+    """Return the parts and signals of a net in the cache, as `read_net` and `signals_of` return them.
 
     They are cached as a pickle under the name of the net's folder, because parsing the XML takes longer than placing
     the actors of a scenario.

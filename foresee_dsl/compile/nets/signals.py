@@ -9,8 +9,6 @@ from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.bundle import Phase, Signal
-from foresee_dsl.compile.nets.net_reader import topology_of
-from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.topology import Crossing, Movement, Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
@@ -94,12 +92,6 @@ def write_programs(
         offsets: beginning of the first phase, s, by SUMO's id of the signal; 0 for a signal that is absent.
     """
     render("signals.tll.xml", out, programs=programs, program_id=program_id, offsets=offsets or {})
-
-
-def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
-    """Return the signals of a net file, as `signals_of` does."""
-    root = parse_net(net_file)
-    return signals_of(root, topology_of(root), network)
 
 
 def signals_of(root: Element, topology: Topology, network: Network | None) -> dict[str, Signal]:

@@ -144,9 +144,6 @@ class LaneBends:
         """Return the bends of a vehicle's lane and of the lanes that follow on its route."""
         if lane not in self._network.lanes:
             return NO_BENDS
-        return self._of(vehicle, model, lane, route)
-
-    def _of(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> BendStretch:
         movement = next(reversed(self._network.movements_through(lane)), None)
         edge = movement.to_edge if movement is not None else self._network.lanes[lane].edge
         edges = self._left(vehicle, route, edge)
