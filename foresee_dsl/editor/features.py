@@ -254,7 +254,7 @@ def inlay_hints(session: Session, params: Json) -> list[Json]:
     uri = _uri(params)
     places = session.positions(uri)
     span = places.span(params["range"])
-    texts = [(hint.line, hint.column, hint.text) for hint in hints(session.text(uri), span.line, span.end_line)]
+    texts = list(hints(session.text(uri), span.line, span.end_line))
     for where, result in results(session.files(uri), path_of(uri)):
         if span.line <= where.end_line <= span.end_line:
             texts.append((where.end_line, where.end_column, f"= {result}"))

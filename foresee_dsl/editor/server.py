@@ -52,10 +52,10 @@ class Server:
         """Answer until the client leaves; return 0 if it left as the protocol requires, else 1."""
         handlers: dict[str, Handler] = {
             "initialize": self._initialize,
-            "shutdown": self._shutdown,
+            "shutdown": lambda _: self._session.stop(),
             "textDocument/didOpen": self._opened,
             "textDocument/didChange": self._changed,
-            "textDocument/didSave": self._saved,
+            "textDocument/didSave": lambda params: self._session.check_soon(params["textDocument"]["uri"], places=True),
             "textDocument/didClose": lambda params: self._session.close(params["textDocument"]["uri"]),
             "workspace/didChangeWorkspaceFolders": self._folders,
             "foresee/draw": self._draw,
@@ -83,10 +83,6 @@ class Server:
         self._session.begin(encoding=encoding, folders=folders, refreshes=refreshes)
         return {"capabilities": _capabilities(encoding), "serverInfo": {"name": "foresee", "version": __version__}}
 
-    def _shutdown(self, params: object) -> None:
-        del params
-        self._session.stop()
-
     def _folders(self, params: Json) -> None:
         for folder in params["event"].get("removed", ()):
             self._session.folders.pop(folder["uri"], None)
@@ -104,9 +100,6 @@ class Server:
             # We ask for whole texts, not changes: files are short, and lines then end by our rules.
             self._session.put(document["uri"], change["text"], document.get("version") or 0)
         self._session.check_soon(document["uri"], places=False)
-
-    def _saved(self, params: Json) -> None:
-        self._session.check_soon(params["textDocument"]["uri"], places=True)
 
     # ---- requests -------------------------------------------------------------------------------------------------
 
