@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from foresee_dsl import __version__
@@ -129,7 +128,11 @@ class Server:
 
         def work() -> None:
             try:
-                self._connection.reply(request, _picture(path, overlay, params))
+                from foresee_dsl.report.picture.answer import answer
+
+                case, width = str(params.get("case") or ""), float(params.get("width") or 720)
+                picture = answer(path, overlay, case=case, width=width, whole=bool(params.get("whole")))
+                self._connection.reply(request, picture)
             except Exception as error:  # our own faults are answered too, as the page would wait for ever
                 message = f"foresee has a fault: {type(error).__name__}: {error}"
                 mistake = {"message": message, "path": "", "line": 0, "column": 0}
@@ -137,19 +140,6 @@ class Server:
 
         self._drawing.submit(work)
         return LATER
-
-
-def _picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
-    """Return the picture of a file with the editor's texts, or its errors."""
-    from foresee_dsl.report.picture.answer import answer
-
-    return answer(
-        path,
-        overlay,
-        case=str(params.get("case") or ""),
-        width=float(params.get("width") or 720),
-        whole=bool(params.get("whole")),
-    )
 
 
 def _capabilities(encoding: str) -> Json:
