@@ -113,7 +113,7 @@ class Server:
         return handle
 
     def _page(self, params: Json) -> Json:
-        from foresee_dsl.report.picture.answer import page_of
+        from foresee_dsl.report.picture.draw import page_of
 
         nonce = str(params.get("nonce", ""))
         if not nonce.replace("-", "").replace("_", "").isalnum():
@@ -128,7 +128,7 @@ class Server:
 
         def work() -> None:
             try:
-                from foresee_dsl.report.picture.answer import answer
+                from foresee_dsl.report.picture.draw import answer
 
                 case, width = str(params.get("case") or ""), float(params.get("width") or 720)
                 picture = answer(path, overlay, case=case, width=width, whole=bool(params.get("whole")))
