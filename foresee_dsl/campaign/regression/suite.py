@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.regression.expectations import DRIVER
-from foresee_dsl.drivers.registry import driver_names, name_in, recorded_address
+from foresee_dsl.drivers.registry import DRIVERS, name_in, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
@@ -80,7 +80,7 @@ class SuiteTest:
         if self.origin is not None and self.origin.driver:
             return recorded_address(self.origin.driver)
         addresses = (recorded_address(item.driver) for item in self.stated)
-        return next((name for name in addresses if name_in(name) in driver_names()), DRIVER)
+        return next((name for name in addresses if name_in(name) in DRIVERS.names()), DRIVER)
 
     @property
     def seed(self) -> int:

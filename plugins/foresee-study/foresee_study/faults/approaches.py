@@ -8,7 +8,7 @@ from typing import Any
 
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.presets import PRESETS
-from foresee_dsl.forecast.registry import ranker_names
+from foresee_dsl.forecast.registry import RANKERS
 
 PLAIN = "plain"
 MANY_POINTS = 1000
@@ -33,7 +33,7 @@ class Approach:
         for name, value in (self.settings or {}).items():
             if name not in settings:
                 return f"campaigns of this version have no setting {name!r}"
-            if name == "ranker" and value not in ranker_names():
+            if name == "ranker" and value not in RANKERS.names():
                 return f"no ranker {value!r} is installed"
             if name == "preset" and value not in PRESETS:
                 return f"there is no preset {value!r}"
