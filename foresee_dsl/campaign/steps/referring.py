@@ -6,8 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from foresee_dsl.avoidance.judge import Failure
-from foresee_dsl.avoidance.references import ReferenceDriver, ReferenceRun
+from foresee_dsl.avoidance.references import ReferenceRun, reference_run
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, clip_case
@@ -54,8 +53,7 @@ def driven(
     """Return a reference driver's run of a failing test case, and its trace."""
     with reference_driver():
         result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
-    judge = ReferenceDriver(driver, lambda: result, before)
-    return judge.judge(Failure(failed, compiled=compile_test_case(case))), result.trace
+    return reference_run(driver, result, failed, compile_test_case(case), before), result.trace
 
 
 _MOST_KNOWN = 64
