@@ -20,13 +20,13 @@ from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item, print_model
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant, expanded_model, other_sensor_errors, surroundings
 from foresee_dsl.language.project.loading import Project, load_test_case
-from foresee_dsl.language.sampling import values_of
 
 DRAWN = 5
 """Number of cases that are drawn inside the failing region. Ours: if 5 of 5 fail, at least 55 % of all cases in the
@@ -318,7 +318,7 @@ def _region(runs: _Runs, box: _Box, out: Path | None) -> Region:
     with tempfile.TemporaryDirectory() as temporary:
         files = _scenarios(subject.clip, out or Path(temporary), [*lines, require], changes)
         scenario = Project(allow_outside=True).whole_scenario(files[-1])
-        drawn = [values_of(scenario, case) for case in scenario.all(m.Case)]
+        drawn = [case_values(scenario, case) for case in scenario.all(m.Case)]
         outcomes = runs.fail(_Variant(_at_values(subject, by_place, values)) for values in drawn)
     return Region(tuple(lines), require, len(outcomes), sum(map(bool, outcomes)), files if out is not None else ())
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -158,10 +157,10 @@ def of_conformance(conformance: Conformance) -> tuple[CaseResult, ...]:
     """
     from foresee_dsl.campaign.conformance.records import CheckStatus
     from foresee_dsl.campaign.conformance.suite import conformance_cases
+    from foresee_dsl.drivers.registry import files_in
 
     driver, seed, addresses = conformance.driver, conformance.seed, conformance_cases()
-    words = re.split(r"[\s:]+", driver)
-    place = ReportPlace(next((word for word in words if Path(word).is_file()), ""))
+    place = ReportPlace(next(map(str, files_in(driver)), ""))
     again = shlex.join(("foresee", "conform", driver, *(("--seed", str(seed)) if seed else ())))
     checks = (
         CaseResult(

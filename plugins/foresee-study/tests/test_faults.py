@@ -6,6 +6,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,9 @@ from foresee_study.halves import Half, of_half
 from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
 from foresee_dsl.campaign.keys import driver_identity
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.consent import allow
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.drivers.parts import DriverPart
@@ -33,6 +36,7 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
+from foresee_dsl.forecast.registry import ranker_names
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.runner import run
 
@@ -230,12 +234,11 @@ def test_halves_are_apart_and_small_samples_have_all_families(bundled: list[Test
     assert len({case.family for case in bundled[:10]}) == len({case.family for case in bundled})
 
 
-def test_an_approach_that_is_not_there_is_named() -> None:
+def test_every_approach_is_a_campaign_that_this_version_can_run() -> None:
     assert all(name in APPROACHES for name in DEFAULT)
-    assert not APPROACHES["plain"].missing and not APPROACHES["foresee"].missing
-    assert "ranker" in Approach("x", {"ranker": "tarot"}).missing
-    assert "preset" in Approach("x", {"preset": "tarot"}).missing
-    assert "setting" in Approach("x", {"tarot": 1}).missing
+    for approach in APPROACHES.values():
+        settings = replace(CampaignSettings(), **(approach.settings or {}))
+        assert settings.ranker in ranker_names() and settings.preset in PRESETS
 
 
 # ---- a search -------------------------------------------------------------------------------------------------------

@@ -7,11 +7,9 @@ that the healthy driver has itself are the others. Chance may decide such a labe
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -35,6 +33,7 @@ from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_study.faults.measures import Confusion
 from foresee_study.faults.plug_in_path import address
+from foresee_study.faults.table import table_lines
 
 HEALTHY = "pdm"
 """The driver into which the faults are seeded."""
@@ -168,23 +167,12 @@ def _healthy(case: TestCase, seed: int) -> RunResult:
     return run_test_case(case, HEALTHY, seed, rules=RulesMode.OFF)
 
 
-def confusion_of(failures: Sequence[JudgedFailure]) -> Confusion:
-    """Return how often the judgement `driver` agrees with the labels."""
-    counts = Counter((bool(each.fault), each.word is Whose.DRIVER) for each in failures)
-    return Confusion(counts[True, True], counts[False, True], counts[False, False], counts[True, False], 0)
-
-
 def judgement_table(failures: Sequence[JudgedFailure]) -> str:
     """Return the accuracy for all failures, and for those whose label does not depend on chance, as Markdown."""
-    lines = ["| failures | the fault's, called the driver's | others, called something else | balanced accuracy |"]
-    lines.append("|" + " --- |" * 4)
+    rows = []
     for words, part in (("all", failures), ("with steady labels", [each for each in failures if each.steady])):
-        c = confusion_of(part)
+        c = Confusion.of([(bool(each.fault), each.word is Whose.DRIVER) for each in part])
         own, others = f"{c.true_yes} of {c.true_yes + c.false_no}", f"{c.true_no} of {c.true_no + c.false_yes}"
-        lines.append(f"| {words} | {own} | {others} | {'-' if c.balanced is None else f'{c.balanced:.0%}'} |")
-    return "\n".join(lines)
-
-
-def judgement_json(failures: Sequence[JudgedFailure]) -> list[dict[str, Any]]:
-    """Return the judged failures as JSON data."""
-    return [vars(each).copy() for each in failures]
+        rows.append((words, own, others, "-" if c.balanced is None else f"{c.balanced:.0%}"))
+    head = ("failures", "the fault's, called the driver's", "others, called something else", "balanced accuracy")
+    return "\n".join(table_lines(head, rows))
