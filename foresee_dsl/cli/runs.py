@@ -11,6 +11,7 @@ import typer
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
+from foresee_dsl.cli.options.common import profiling
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.measuring import Part
@@ -78,7 +79,7 @@ def run(
     foresee run scenarios/scenario7.foresee --fail-fast[/dim]
     """
     del strict  # existing scripts may still pass it
-    profiler = ctx.with_resource(common.profiling()) if profile else None
+    profiler = ctx.with_resource(profiling()) if profile else None
     from foresee_dsl.campaign.execution.runs import run_cases, run_here
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.drivers.deadlines import Deadlines
