@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 import yaml
 
-from foresee_dsl.derive.avoidable import NAMES
+from foresee_dsl.avoidance.candidates.behaviours import Kind
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.registry import DRIVERS
@@ -129,7 +129,7 @@ NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
     ("background/method.md", "| kind | definition |"): lambda: COLLISIONS,
     # time to collision and the braking needed are described in front of the table
     ("background/method.md", "| key | measure | value at a moment |"): lambda: {*Measure} - {Measure.TTC, Measure.DRAC},
-    ("background/rankers.md", "| behaviour | `operator` in a mutant | the change | which actors |"): NAMES.values,
+    ("background/rankers.md", "| behaviour | `operator` in a mutant | the change | which actors |"): lambda: Kind,
     ("reference/language.md", "| style | what changes in SUMO's models | effect |"): styles,
     ("start/install.md", "| extra | what it adds |"): extras,
     ("start/install.md", "| environment variable | meaning |"): environment_variables,

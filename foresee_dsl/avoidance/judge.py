@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile import compile_test_case
@@ -14,7 +14,7 @@ from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.trace import Trace, X, Y
+from foresee_dsl.simulate.trace import X, Y
 
 R157 = "R157's driver"
 """The name of UN Regulation 157's driver (`avoidance.r157`)."""
@@ -26,25 +26,19 @@ class Judgement(Protocol):
     """The answer of one judge about one failure; a frozen dataclass, as it is stored.
 
     Attributes:
-        name: the judge's name, for people. answers: all possible answers, in the order of reports; () if they are open.
-        answer: the answer in a few words. why: a sentence with figures.
-        avoids: whether the judge's driver avoids the failure, or would have avoided it. settles: whether the answer is
-            a clear yes or no.
+        name: the judge's name, for people. answer: the answer in a few words. why: a sentence with figures.
+        avoids: whether the judge's driver avoids the failure, or would have avoided it.
         origin: setting and value for a mutant's `origin` block; None for no entry.
     """
 
     @property
     def name(self) -> str: ...  # noqa: D102 - see the class
     @property
-    def answers(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
     def answer(self) -> str: ...  # noqa: D102
     @property
     def why(self) -> str: ...  # noqa: D102
     @property
     def avoids(self) -> bool: ...  # noqa: D102
-    @property
-    def settles(self) -> bool: ...  # noqa: D102
     @property
     def origin(self) -> tuple[str, str] | None: ...  # noqa: D102
 
@@ -55,24 +49,13 @@ Answered_co = TypeVar("Answered_co", bound=Judgement, covariant=True)
 
 @dataclass(frozen=True)
 class Opinion:
-    """An answer of a judge that stores no figures of its own; for its fields see `Judgement`.
-
-    `settled`: the value of `settles`.
-    """
+    """An answer of a judge that stores no figures of its own; for its fields see `Judgement`."""
 
     name: str
     answer: str
     why: str
     avoids: bool
-    settled: bool = True
     origin: tuple[str, str] | None = None
-
-    answers: ClassVar[tuple[str, ...]] = ()
-
-    @property
-    def settles(self) -> bool:
-        """Whether the answer is a clear yes or no."""
-        return self.settled
 
 
 class Judge(Protocol[Answered_co]):
@@ -95,14 +78,11 @@ class Failure:
     """A failed run, the input of judges; results that several judges need are computed once.
 
     Attributes:
-        trace: trace of the run; None if it was lost.
-        outcome, compiled: the result of the run, and its compiled test case; None if only the trace is at hand, which
-            is enough for judges that drive the test case themselves.
+        result: the result of the run. bundle: its compiled test case.
     """
 
-    trace: Trace | None
-    outcome: RunResult | None = None
-    compiled: SumoBundle | None = None
+    result: RunResult
+    bundle: SumoBundle
 
     @classmethod
     def of(cls, result: RunResult, run_as: TestCase | SumoBundle) -> Failure:
@@ -113,25 +93,7 @@ class Failure:
         """
         if not result.verdict.is_failure:
             raise ValueError(f"the run did not fail: {result.reason}")
-        return cls(result.trace, result, compile_test_case(run_as) if isinstance(run_as, TestCase) else run_as)
-
-    @property
-    def result(self) -> RunResult:
-        """The result of the run.
-
-        Raises:
-            ValueError: only its trace is at hand.
-        """
-        if self.outcome is None:
-            raise ValueError("only the trace of this failure is available, so its end is unknown")
-        return self.outcome
-
-    @property
-    def bundle(self) -> SumoBundle:
-        """The compiled test case of the run; it raises the same error as `result`."""
-        if self.compiled is None:
-            raise ValueError("only the trace of this failure is available, so its test case is unknown")
-        return self.compiled
+        return cls(result, compile_test_case(run_as) if isinstance(run_as, TestCase) else run_as)
 
     @property
     def contact(self) -> Impact | None:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
-from foresee_dsl.avoidance.comparison import NOT_COMPARED, Comparison, compared
-from foresee_dsl.avoidance.judge import Failure
+from foresee_dsl.avoidance.comparison import NOT_COMPARED, compared
+from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.documents import or_null
 from foresee_dsl.drivers.registry import sees_all
 from foresee_dsl.simulate.results.verdict import RunRecord, RunResult, Verdict
 from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD
+from foresee_dsl.simulate.trace import Trace
 
 
 @dataclass(frozen=True)
 class ReferenceRun(RunRecord):
-    """A failing test case or child, driven by another driver: a `Judgement`.
+    """A failing test case or child, driven by another driver.
 
     Attributes:
         driver: the driver's address.
@@ -47,33 +47,6 @@ class ReferenceRun(RunRecord):
         return self.passes and not self.apart and self.before in (None, Verdict.PASS)
 
     @property
-    def name(self) -> str:
-        """The name of the driver; see `Judgement` for this and the next four properties."""
-        return self.driver
-
-    answers: ClassVar[tuple[str, ...]] = ()
-
-    @property
-    def answer(self) -> str:
-        """The verdict of the run."""
-        return self.verdict.value
-
-    @property
-    def why(self) -> str:
-        """How it differs from the failing driver, or why it fails."""
-        return self.sentence if self.passes else self.reason
-
-    @property
-    def settles(self) -> bool:
-        """Whether the run passed or failed, rather than crashed or timed out."""
-        return self.passes or self.verdict.is_failure
-
-    @property
-    def origin(self) -> None:
-        """Always None: a mutant's `origin` names all avoiding drivers in one line (`campaign.assembly`)."""
-        return
-
-    @property
     def sentence(self) -> str:
         """The driver and its reaction, or why it is not comparable: `idm brakes 0.8 s earlier`."""
         if self.apart:
@@ -94,36 +67,26 @@ class ReferenceRun(RunRecord):
         }
 
 
-@dataclass(frozen=True)
-class ReferenceDriver:
-    """The judge that runs one reference driver.
+def reference_run(
+    driver: str,
+    result: RunResult,
+    failed: Trace | None,
+    bundle: SumoBundle,
+    before: Callable[[], Verdict] | None = None,
+) -> ReferenceRun:
+    """Return the record of a reference driver's run of a failing test case; if it passes, with how it avoids the
+    failure.
 
-    Attributes:
-        driver: the driver's address. drive: runs the failing test case with it.
-        before: returns the verdict of the unmutated clip with it; None for a test case, which has no clip.
+    Args:
+        driver: its address. result: its run. failed: trace of the failing run; None if it was lost.
+        bundle: the compiled test case.
+        before: returns the verdict of the unmutated clip with this driver; None for a test case, which has no clip. It
+            is called only if the driver passes.
     """
-
-    driver: str
-    drive: Callable[[], RunResult]
-    before: Callable[[], Verdict] | None = None
-
-    def judge(self, failure: Failure) -> ReferenceRun:
-        """Return the run of the failing test case; if the driver passes, with its verdict on the unmutated clip."""
-        result = self.drive()
-        if result.verdict is not Verdict.PASS:
-            return self._run(result)
-        before = self.before() if self.before is not None else None
-        comparison = NOT_COMPARED
-        if failure.trace is not None and failure.compiled is not None:
-            comparison = compared(
-                failure.trace, result.trace, failure.compiled, IDEAL if sees_all(self.driver) else STANDARD
-            )
-        return self._run(result, before, comparison)
-
-    def _run(
-        self, result: RunResult, before: Verdict | None = None, comparison: Comparison = NOT_COMPARED
-    ) -> ReferenceRun:
-        return ReferenceRun(
-            self.driver, before, comparison.how, comparison.apart,
-            verdict=result.verdict, reason=result.reason, duration_s=result.duration_s,
-        )  # fmt: skip
+    passes, comparison = result.verdict is Verdict.PASS, NOT_COMPARED
+    if passes and failed is not None:
+        comparison = compared(failed, result.trace, bundle, IDEAL if sees_all(driver) else STANDARD)
+    return ReferenceRun(
+        driver, before() if passes and before is not None else None, comparison.how, comparison.apart,
+        verdict=result.verdict, reason=result.reason, duration_s=result.duration_s,
+    )  # fmt: skip

@@ -12,9 +12,9 @@ from typing import get_type_hints
 
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.presets import PRESETS
-from foresee_dsl.drivers.registry import driver_names, name_in
+from foresee_dsl.drivers.registry import DRIVERS, name_in
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.forecast.registry import ranker_names
+from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -95,7 +95,7 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
     for item in campaign.body:
         if isinstance(item, m.Drivers | m.Against | m.Rankers):
             ranks = isinstance(item, m.Rankers)
-            what, installed = ("ranker", ranker_names()) if ranks else ("driver", driver_names())
+            what, installed = ("ranker", RANKERS.names()) if ranks else ("driver", DRIVERS.names())
             for k, name in enumerate(item.names):
                 plain = name if ranks else name_in(name)
                 nobody = isinstance(item, m.Against) and item.names == (NOBODY,)

@@ -60,6 +60,6 @@ def case_addresses(incomplete: str) -> list[str]:
 
 def drivers(incomplete: str) -> list[str]:
     """Return the installed drivers whose names begin with this text."""
-    from foresee_dsl.drivers.registry import driver_names
+    from foresee_dsl.drivers.registry import DRIVERS
 
-    return [name for name in driver_names() if name.startswith(incomplete)]
+    return [name for name in DRIVERS.names() if name.startswith(incomplete)]

@@ -35,21 +35,19 @@ UNSURE = 2
 """Maximum number of mutants with a score between `HARDLY` and `LEAST`. Ours: they test whether the driver reacts at
 all; with cyclists beside `pdm`, one in four such mutants failed."""
 _PROPERTY = {
-    Kind.LATE: ("delay", "late_start"),
-    Kind.EARLY: ("moving", "early_start"),
-    Kind.PACE: ("timing", "pace"),
-    Kind.HESITATES: ("brakes", "hesitates"),
-    Kind.BRAKES: ("brakes", "hard_braking"),
-    Kind.HALTS: ("brakes", "stops_after_turn"),
-    Kind.DRIFTS: ("line", "drifts"),
-    Kind.CUTS_IN: ("line", "cuts_in"),
-    Kind.SWERVES: ("steer", "swerves"),
-    Kind.RUNS_LIGHT: ("ignores", "runs_light"),
-    Kind.TAKES_WAY: ("ignores", "takes_right_of_way"),
+    Kind.LATE: "delay",
+    Kind.EARLY: "moving",
+    Kind.PACE: "timing",
+    Kind.HESITATES: "brakes",
+    Kind.BRAKES: "brakes",
+    Kind.HALTS: "brakes",
+    Kind.DRIFTS: "line",
+    Kind.CUTS_IN: "line",
+    Kind.SWERVES: "steer",
+    Kind.RUNS_LIGHT: "ignores",
+    Kind.TAKES_WAY: "ignores",
 }
-"""For each behaviour, the property that it changes and its name in a mutant's `origin`."""
-NAMES = {kind: name for kind, (_, name) in _PROPERTY.items()}
-"""The name of each behaviour in a mutant's `origin`."""
+"""For each behaviour, the property that it changes."""
 
 Children = list[tuple[tuple[str, ...], tuple[Change, ...]]]
 
@@ -78,7 +76,7 @@ def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) 
         chosen.append(best.candidate)
         if sum(map(best.candidate.is_like, chosen)) == ALIKE:
             remaining = [pair for pair in remaining if not pair[0].candidate.is_like(best.candidate)]
-        children.append(((NAMES[best.candidate.kind],), (change,)))
+        children.append(((best.candidate.kind.value,), (change,)))
     return children
 
 
@@ -91,7 +89,7 @@ def _worth(scored: ScoredCandidate, chosen: list[Candidate]) -> float:
 
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
     """Return the change that makes an actor behave like the candidate; None if the actor cannot behave so."""
-    name, actor = _PROPERTY[candidate.kind][0], candidate.actor
+    name, actor = _PROPERTY[candidate.kind], candidate.actor
     if name == "ignores":
         obeys = not any(isinstance(item, IgnoresRule) for item in situation.actors[actor].body)
         rule = "signals" if candidate.kind is Kind.RUNS_LIGHT else "priority"

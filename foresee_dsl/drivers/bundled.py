@@ -24,12 +24,11 @@ from foresee_dsl.drivers.protocol import (
     SignalColour,
     VehicleLimits,
 )
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks, object_table
+from foresee_dsl.drivers.tracking import KINDS, SignalMemory, Tracker, Tracks, object_table
 from foresee_dsl.errors import DriverError
 from foresee_dsl.kernels import tracks as kernel
 from foresee_dsl.kernels.arrays import Records
 
-_KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
 NO_FUTURES: FloatArray = np.empty((0, 0, 4))
 """The empty array of futures that is passed to kernels when the prediction is not ideal."""
 
@@ -143,7 +142,7 @@ def _track(perceived: _Perceived, actor: TrueActor) -> tuple[float, ...]:
     return (
         actor.x + perceived.error_x_m, actor.y + perceived.error_y_m, actor.heading_rad, max(actor.speed_mps, 0.0),
         perceived.length_m, perceived.width_m, actor.acceleration_mps2, actor.yaw_rate_rad_s, 0.0,
-        _KINDS.get(perceived.kind, kernel.OTHER),
+        KINDS.get(perceived.kind, kernel.OTHER),
     )  # fmt: skip
 
 

@@ -74,11 +74,6 @@ def _can_be_made(name: str) -> bool:
     return True
 
 
-def driver_names() -> tuple[str, ...]:
-    """Return the sorted names of all installed drivers, without importing them."""
-    return DRIVERS.names()
-
-
 def name_in(address: str) -> str:
     """Return the name of the driver in an address, without its argument."""
     return without_ideal(address.partition(":")[0])
@@ -200,7 +195,7 @@ def recorded_address(recorded: str) -> str:
 def describe_drivers() -> list[DriverInfo]:
     """Return name, version, first line of the documentation and package of all installed drivers, and of the drivers of
     our plug-ins that are not installed, sorted by name."""
-    return [_describe(name) for name in sorted((*driver_names(), *DRIVERS.missing()))]
+    return [_describe(name) for name in sorted((*DRIVERS.names(), *DRIVERS.missing()))]
 
 
 def _describe(name: str) -> DriverInfo:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -112,16 +112,7 @@ class RoadMap:
 
     def as_document(self) -> dict[str, object]:
         """Return the map as a JSON document, with the fields of its records; positions are rounded to millimetres."""
-        return {
-            "lanes": {name: _lane_document(lane) for name, lane in self.lanes.items()},
-            "stop_lines": [{"lane": s.lane, "points": _rounded(s.points), "signal": s.signal} for s in self.stop_lines],
-            "crossings": [
-                {"id": crossing.id, "outline": _rounded(crossing.outline), "junction": crossing.junction}
-                for crossing in self.crossings
-            ],
-            "route": list(self.route),
-            "junctions": {name: _rounded(outline) for name, outline in self.junctions.items()},
-        }
+        return _document(self, "net_file")
 
     def opendrive(self) -> str:
         """Return the network as OpenDRIVE, in the coordinates of the observations; netconvert writes it.
@@ -261,26 +252,27 @@ def _beside(centre: FloatArray, left_m: float) -> FloatArray:
     return np.asarray(centre + left_m * normal, dtype=np.float64)
 
 
-def _lane_document(lane: MapLane) -> dict[str, object]:
-    return {
-        "centre": _rounded(lane.centre),
-        "left": _rounded(lane.left),
-        "right": _rounded(lane.right),
-        "speed_limit_mps": round(lane.speed_limit_mps, 3),
-        "width_m": lane.width_m,
-        "users": sorted(lane.users),
-        "successors": list(lane.successors),
-        "predecessors": list(lane.predecessors),
-        "left_neighbour": lane.left_neighbour,
-        "right_neighbour": lane.right_neighbour,
-        "junction": lane.junction,
-        "turn": lane.turn,
-        "signal": lane.signal,
-    }
+def _document(record: MapLane | StopLine | MapCrossing | RoadMap, *left_out: str) -> dict[str, object]:
+    """Return the fields of a record as JSON, without those that are left out."""
+    return {f.name: _plain(getattr(record, f.name)) for f in fields(record) if f.name not in left_out}
 
 
-def _rounded(points: FloatArray) -> list[list[float]]:
-    return [[float(x), float(y)] for x, y in np.round(points, 3)]
+def _plain(value: object) -> object:  # noqa: PLR0911  one return a kind
+    match value:
+        case np.ndarray():
+            return np.round(value, 3).tolist()
+        case frozenset():
+            return sorted(value)
+        case tuple():
+            return [_plain(part) for part in value]
+        case Mapping():
+            return {name: _plain(part) for name, part in value.items()}
+        case MapLane():
+            return {**_document(value, "id"), "speed_limit_mps": round(value.speed_limit_mps, 3)}
+        case StopLine() | MapCrossing():
+            return _document(value)
+        case _:
+            return value
 
 
 def lanes_along(pieces: Sequence[tuple[float, str]], from_s: float, until_s: float) -> tuple[str, ...]:

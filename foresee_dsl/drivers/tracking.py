@@ -69,7 +69,8 @@ _PACES = 256
 _SCAN = struct.Struct("6d")
 """The layout of a `kernel.Scan`: packing one takes a third of the time of an assignment to the record."""
 _MEASURED = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
-_KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
+KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
+"""The classes that kernels distinguish; all others are `OTHER`."""
 
 
 class ObjectTable(NamedTuple):
@@ -227,7 +228,7 @@ class Tracker:
             # np.concatenate would create a new dtype object each time, which numba 0.68.1 would analyse again.
             sightings = np.empty(len(self._numbers), kernel.SIGHTING)
             sightings[: -len(fresh)] = self._sightings
-            sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen.kinds[k], kernel.OTHER)) for k in fresh]
+            sightings[-len(fresh) :] = [(1, measured_s, KINDS.get(seen.kinds[k], kernel.OTHER)) for k in fresh]
             self._sightings = sightings
         self._named = tuple(self._numbers), tuple(self._kinds)
         return rows

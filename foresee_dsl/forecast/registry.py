@@ -20,11 +20,6 @@ class UnknownRankerError(ForeseeError):
 RANKERS = PluginGroup("foresee_dsl.rankers", "ranker", UnknownRankerError)
 
 
-def ranker_names() -> tuple[str, ...]:
-    """Return the names of all installed rankers, sorted."""
-    return RANKERS.names()
-
-
 def load_ranker(name: str) -> Ranker:
     """Return the ranker of a name, with its default settings."""
     entry = RANKERS.find(name)

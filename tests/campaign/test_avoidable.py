@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.avoidance.candidates.behaviours import Kind
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.store import Store
-from foresee_dsl.derive.avoidable import NAMES
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.small_campaign import SETTINGS, TEXT
 
@@ -59,7 +59,7 @@ def test_a_failure_is_found_and_a_driver_that_only_comes_earlier_does_not_count_
     assert not found.broken
     children = [child for clip in found.clips for child in clip.children]
     assert children
-    assert {name for child in children for name in child.operators} <= set(NAMES.values())
+    assert {name for child in children for name in child.operators} <= {*Kind}
     (run,) = [run for child in children for run in child.references if run.passes]
     assert not run.avoids
     assert run.apart == "it would come there 1.0 s earlier in any case"

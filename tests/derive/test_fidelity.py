@@ -27,7 +27,12 @@ PARENT = make_trace(crossing(lead=straight("car", 20, 0, EAST, 5), side=straight
 
 def test_the_same_run_deviates_by_nothing():
     found = deviation(PARENT, 100, window(PARENT, 100, 301))
-    assert (found.largest_m, found.median_others_m, found.share_within, found.frames) == (0.0, 0.0, 1.0, 201)
+    assert (found.largest_m, found.median_others_m, share_within(tuple(found.actors.values())), found.frames) == (
+        0.0,
+        0.0,
+        1.0,
+        201,
+    )
 
 
 def test_the_largest_the_median_and_the_share():
@@ -36,7 +41,7 @@ def test_the_largest_the_median_and_the_share():
     assert found.actors == pytest.approx({"ego": 0, "runner": 0.05, "lead": 3.0, "side": 0})
     assert found.largest_m == pytest.approx(3.0)
     assert found.median_others_m == pytest.approx(0.05)
-    assert found.share_within == 0.75
+    assert share_within(tuple(found.actors.values())) == 0.75
 
 
 def test_an_actor_that_leaves_in_one_run_only_counts_from_where_it_was():

@@ -12,7 +12,7 @@ import pytest
 
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Driver
-from foresee_dsl.drivers.registry import describe_drivers, driver_names, load_driver
+from foresee_dsl.drivers.registry import DRIVERS, describe_drivers, load_driver
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import BESIDE, not_installed
 
@@ -63,7 +63,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_pdm_is_installed() -> None:
-    assert "pdm" in driver_names()
+    assert "pdm" in DRIVERS.names()
     driver = load_driver("pdm")
     assert isinstance(driver, PdmDriver)
     assert load_driver("pdm") is not driver
@@ -111,7 +111,7 @@ def test_a_plug_in_beside_that_is_missing_is_named_with_what_installs_it(monkeyp
     glider = next(d for d in describe_drivers() if d.name == "glider")
     assert (glider.version, glider.unavailable) == ("", True)
     assert "pip install ./plugins/foresee-gliding in a checkout of foresee-dsl" in glider.doc
-    assert "glider" not in driver_names()
+    assert "glider" not in DRIVERS.names()
 
 
 def test_a_plug_in_that_needs_another_one_beside_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +130,7 @@ def test_a_plug_in_that_needs_another_one_beside_says_which(tmp_path: Path, monk
 
 @pytest.mark.usefixtures("plugin")
 def test_another_package_brings_a_driver() -> None:
-    assert set(driver_names()) >= {"pdm", "coast"}
+    assert set(DRIVERS.names()) >= {"pdm", "coast"}
     assert isinstance(load_driver("coast"), Driver)
     (coast,) = [d for d in describe_drivers() if d.name == "coast"]
     assert astuple(coast) == ("coast", "7", "Does nothing, on purpose.", "acme-drivers", False)

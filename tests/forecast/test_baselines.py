@@ -7,7 +7,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.baselines import ExhaustiveRanker, ProximityRanker, RandomRanker
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.protocol import Ranker
-from foresee_dsl.forecast.registry import load_ranker, ranker_names
+from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from tests.support.handmade_traces import EAST, NORTH, WEST, make_trace, straight
 
 EGO = straight("car", 0, 0, EAST, 5)
@@ -52,9 +52,9 @@ def test_exhaustive_takes_every_second_after_the_first_ones():
 
 
 def test_installed_rankers_are_found_by_name():
-    assert {"foresee", "proximity", "random", "exhaustive"} <= set(ranker_names())
+    assert {"foresee", "proximity", "random", "exhaustive"} <= set(RANKERS.names())
     assert load_ranker("foresee") == ForeseeRanker()
-    for name in ranker_names():
+    for name in RANKERS.names():
         ranker = load_ranker(name)
         assert isinstance(ranker, Ranker)
         assert ranker.name == name

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.forecast.protocol import NeedsSurroundings
-from foresee_dsl.forecast.registry import load_ranker, ranker_names
+from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from tests.support.goldens import Golden, readable, recorded_run
 
 CASES = sorted((Path(__file__).parents[1] / "cases" / "forecast").iterdir())
@@ -20,7 +20,7 @@ CASES = sorted((Path(__file__).parents[1] / "cases" / "forecast").iterdir())
 @pytest.mark.parametrize("folder", CASES, ids=lambda folder: folder.name)
 def test_golden(folder: Path, golden: Golden) -> None:
     _, trace = recorded_run(folder, rewrite=golden.rewrite)
-    rankers = {name: load_ranker(name) for name in ranker_names()}
+    rankers = {name: load_ranker(name) for name in RANKERS.names()}
     found = {
         name: ranker.rank(trace, seed=0, before_s=2.0, after_s=2.0)
         for name, ranker in rankers.items()

@@ -93,7 +93,6 @@ class Anticipation:
     runs: int = 0
 
     name: ClassVar[str] = ANTICIPATING
-    answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Answer)
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -114,11 +113,6 @@ class Anticipation:
     def avoids(self) -> bool:
         """Return whether the driver avoids the failure; see `Judgement` for this property and the next ones."""
         return self.answer.preventable
-
-    @property
-    def settles(self) -> bool:
-        """Whether the answer is decided."""
-        return self.answer is not Answer.UNDECIDED
 
     @property
     def origin(self) -> tuple[str, str]:

@@ -28,19 +28,19 @@ _ALONG_RAD = math.radians(45)
 
 
 class Kind(StrEnum):
-    """The kinds of changed behaviour, each with its phrase in reports."""
+    """The kinds of changed behaviour, each with its name in a mutant's `origin`."""
 
-    LATE = "starts later"
-    EARLY = "starts earlier"
-    PACE = "is faster or slower"
+    LATE = "late_start"
+    EARLY = "early_start"
+    PACE = "pace"
     HESITATES = "hesitates"
-    BRAKES = "brakes hard"
-    HALTS = "stops after the turn"
+    BRAKES = "hard_braking"
+    HALTS = "stops_after_turn"
     DRIFTS = "drifts"
-    CUTS_IN = "cuts in"
+    CUTS_IN = "cuts_in"
     SWERVES = "swerves"
-    RUNS_LIGHT = "runs the light"
-    TAKES_WAY = "takes the right of way"
+    RUNS_LIGHT = "runs_light"
+    TAKES_WAY = "takes_right_of_way"
 
 
 @dataclass(frozen=True, slots=True)

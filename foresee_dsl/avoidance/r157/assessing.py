@@ -62,7 +62,6 @@ class Preventability:
     braked_impact_mps: float | None = None
 
     name: ClassVar[str] = R157
-    answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Preventable)
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -77,11 +76,6 @@ class Preventability:
     def avoids(self) -> bool:
         """Whether braking avoids the failure."""
         return self.verdict is Preventable.YES
-
-    @property
-    def settles(self) -> bool:
-        """Whether the answer is decided."""
-        return self.verdict is not Preventable.UNKNOWN
 
     @property
     def origin(self) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import DRIVER, in_words, recorded_in
-from foresee_dsl.drivers.registry import driver_names, name_in, recorded_address
+from foresee_dsl.drivers.registry import DRIVERS, name_in, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside, templates, write_whole
 from foresee_dsl.language import model as m
@@ -86,7 +86,7 @@ class SuiteTest:
         if self.origin is not None and self.origin.driver:
             return recorded_address(self.origin.driver)
         addresses = (recorded_address(item.driver) for item in self.stated)
-        return next((name for name in addresses if name_in(name) in driver_names()), DRIVER)
+        return next((name for name in addresses if name_in(name) in DRIVERS.names()), DRIVER)
 
     @property
     def seed(self) -> int:

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from foresee_dsl.avoidance.judge import Failure
-from foresee_dsl.avoidance.references import ReferenceDriver, ReferenceRun
+from foresee_dsl.avoidance.references import ReferenceRun, reference_run
 from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.records import CaseRunOutcome, Record
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
@@ -80,5 +79,4 @@ def drive_failure(
     """
     with reference_driver():
         result = setup.run(case)
-    judge = ReferenceDriver(setup.driver, lambda: result, before)
-    return judge.judge(Failure(failed, compiled=compile_test_case(case))), result.trace
+    return reference_run(setup.driver, result, failed, compile_test_case(case), before), result.trace

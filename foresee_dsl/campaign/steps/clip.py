@@ -12,7 +12,7 @@ from foresee_dsl.campaign.driving import DriverSetup, notes_of
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
 from foresee_dsl.campaign.steps.inputs import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
+from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, share_within, with_fidelity
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -70,7 +70,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             wall_s=time.perf_counter() - started,
             largest_m=fidelity.largest_m,
             median_m=fidelity.median_others_m,
-            within=fidelity.share_others_within,
+            within=share_within(fidelity.others_m),
             others_m=fidelity.others_m,
             ego_m=fidelity.ego_m,
             notes=notes_of(result),

@@ -58,19 +58,11 @@ class Deviation:
         """Return the median of the other actors' largest deviations, m; 0 if the ego is alone."""
         return statistics.median(self.others_m) if self.others_m else 0.0
 
-    @property
-    def share_within(self) -> float:
-        """Return the share of all actors that stayed within 0.1 m of their places in the parent's run."""
-        return share_within(tuple(self.actors.values()))
-
-    @property
-    def share_others_within(self) -> float:
-        """Return the share of actors, except the ego, that stayed within 0.1 m of their places in the parent's run."""
-        return share_within(self.others_m)
-
 
 def share_within(deviations: Sequence[float]) -> float:
-    """Return the share of the deviations (m) that are at most 0.1 m; 1 if there are no deviations."""
+    """Return the share of the deviations (m) that are at most 0.1 m, so that the actors stayed within that of their
+    places in the parent's run; 1 if there are no deviations.
+    """
     return sum(far <= WITHIN_M for far in deviations) / len(deviations) if deviations else 1.0
 
 

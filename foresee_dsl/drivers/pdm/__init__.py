@@ -81,7 +81,7 @@ class _State:
     def explain(self) -> Sequence[Reason]:
         """Return the reasons for the last answer: decide once more for each signal and object alone (`reasons`)."""
         # Imported here, because driving does not need it.
-        from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone
+        from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone
 
         last, route = self._last, self._route
         if last is None:
@@ -93,7 +93,8 @@ class _State:
 
         def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
             braking = signal_brakings(route, self._strongest_mps2, colours)
-            offset, acceleration, _ = decide(ego_now(now), others.table, *self._road, braking, NO_FUTURES)
+            egos = now.egos.copy()  # a decision writes the ego's position into it
+            offset, acceleration, _ = decide(egos, others.table, *self._road, braking, NO_FUTURES)
             return Wish(acceleration, offset)
 
         self._explained = last, reasons_alone(now, tracks, decided)

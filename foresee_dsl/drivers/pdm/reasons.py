@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, signal_brakings
+from foresee_dsl.drivers.pdm.situation import RoadSituation, read_situation, signal_brakings
 from foresee_dsl.drivers.protocol import Reason, SignalColour
 from foresee_dsl.drivers.tracking import Tracks
 from foresee_dsl.kernels.arrays import Records
@@ -174,10 +174,3 @@ def _priorities(
         foe, with_foe = foes[f : f + 1], np.ascontiguousarray(matches[:, f : f + 1])
         if find_wall(egos, actors, foe, with_foe, now.route.junctions, free, now.route.points) < np.inf:
             yield now.route.passages[int(foes["junction"][f])].junction, f
-
-
-def ego_now(now: RoadSituation) -> Records:
-    """Return a copy of the ego's record [1]. A decision writes the ego's position into it."""
-    egos = ego_record(now.vehicle)
-    egos[:] = now.egos
-    return egos

@@ -17,7 +17,7 @@ from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.forecast.protocol import Learned
-from foresee_dsl.forecast.registry import load_ranker, ranker_names
+from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from foresee_dsl.language.project.document import TestCase
 from foresee_study.complementing import complement
 from foresee_study.folder import Cost, StudyFolder
@@ -56,7 +56,7 @@ def possible(settings: StudySettings) -> tuple[StudySettings, tuple[str, ...]]:
     Raises:
         ForeseeError: no driver, or no ranker, is left.
     """
-    installed = ranker_names()
+    installed = RANKERS.names()
     rankers = tuple(name for name in settings.rankers if name in installed)
     notes = [f"ranker {name}: left out, because it is not installed" for name in settings.rankers
              if name not in installed]  # fmt: skip
