@@ -27,6 +27,8 @@ JERK_MPS3 = 12.65
 KEEPS_PATH_M = 3.0
 """Length over which a lateral error decays while braking, m. Ours: a wheelbase; the error stays below centimetres."""
 
+_SLOW_MPS = 1.0
+"""Lowest speed by which steering angles are divided, m/s. Ours: below it the ego does not evade."""
 EXACT_MPS = 1e-12
 """Largest error of a replayed speed, m/s. Ours: about a thousand rounding errors; over 10 s this amounts to a hundredth
 of a nanometre.
@@ -78,16 +80,16 @@ class Replay:
 
     Args:
         trace: the run. brakes_s: when braking begins; None: never. scene: the scene of the run, for its slippery
-            patches.
+            patches. path: the path along which it brakes; None: the recorded one.
     """
 
     name = "careful"
     version = "1"
 
-    def __init__(self, trace: Trace, brakes_s: float | None, scene: Scene | None = None) -> None:
-        self._ground = SlipperyGround(scene) if scene is not None else None
+    def __init__(self, trace: Trace, brakes_s: float | None, scene: Scene, path: RecordedPath | None = None) -> None:
+        self._ground = SlipperyGround(scene)
         self._states = trace.states[:, 0]
-        self._path = RecordedPath(trace)
+        self._path = path or RecordedPath(trace)
         self._brakes_from = math.inf if brakes_s is None else round(brakes_s / STEP_S)
         self._bicycle: Bicycle | None = None
 
@@ -103,8 +105,7 @@ class Replay:
         """Return the control that leads to the next recorded frame, or that brakes."""
         if self._bicycle is None:
             raise RuntimeError("stepped before reset")
-        if self._ground is not None:
-            self._ground.hold(self._bicycle, self._state)
+        self._ground.hold(self._bicycle, self._state)
         control = self._control(self._bicycle, observation)
         before = self._state
         self._state = self._bicycle.step(before, control, STEP_S)
@@ -126,19 +127,31 @@ class Replay:
         """Return the control of braking that builds up from the recorded driver's, and is never weaker."""
         since = self._frame + 1 - self._brakes_from if math.isfinite(self._brakes_from) else 0
         level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(HARDEST_BRAKING_MPS2, self._least_mps2))
-        wheel = wheel_share(self._angle(bicycle), bicycle.limits.steer_max_rad)
-        if self._state.speed <= level * STEP_S:
-            return Control(wheel, 0.0, 1.0)  # the ego stops, and the brake holds it
-        return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
+        return self._on_path(bicycle, level)
 
-    def _angle(self, bicycle: Bicycle) -> float:
-        """Return the angle of the front wheels that follows the recorded path without overshooting, rad."""
+    def _on_path(
+        self, bicycle: Bicycle, braking_mps2: float, beside: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> Control:
+        """Return the control of braking along the path, or along a line beside it.
+
+        `beside`: lateral offset of the line, m, and its first and second derivatives.
+        """
+        wheel = wheel_share(self._angle(bicycle, *beside), bicycle.limits.steer_max_rad)
+        speed = self._state.speed - braking_mps2 * STEP_S
+        if speed <= 0.0:
+            return Control(wheel, 0.0, 1.0)  # the ego stops, and the brake holds it
+        return pedals_for(bicycle, self._state, wheel, speed)
+
+    def _angle(self, bicycle: Bicycle, aside_m: float, rate_mps: float, bend_mps2: float) -> float:
+        """Return the angle of the front wheels that follows a line beside the path without overshooting, rad."""
+        state = self._state
         x, y, heading = self._path.at(np.array([self._along]))[0].tolist()
-        dx, dy = self._state.x - x, self._state.y - y
-        lateral = -dx * math.sin(heading) + dy * math.cos(heading)
-        turned = math.remainder(self._state.heading - heading, math.tau)
-        curvature = math.tan(self._path.steer(self._along + self._state.speed * STEP_S)) / bicycle.limits.wheelbase_m
-        return bicycle.steer_for(curvature - lateral / KEEPS_PATH_M**2 - 2 * turned / KEEPS_PATH_M)
+        dx, dy, speed = state.x - x, state.y - y, max(state.speed, _SLOW_MPS)
+        lateral = -dx * math.sin(heading) + dy * math.cos(heading) - aside_m
+        turned = math.remainder(state.heading - heading, math.tau) - rate_mps / speed
+        curvature = math.tan(self._path.steer(self._along + state.speed * STEP_S)) / bicycle.limits.wheelbase_m
+        ahead = curvature + bend_mps2 / speed**2
+        return bicycle.steer_for(ahead - lateral / KEEPS_PATH_M**2 - 2 * turned / KEEPS_PATH_M)
 
 
 def wheel_share(angle_rad: float, most_rad: float) -> float:

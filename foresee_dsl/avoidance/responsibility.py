@@ -13,15 +13,13 @@ from typing import Self
 from foresee_dsl.avoidance.anticipating import Anticipation
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability
-from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S
+from foresee_dsl.avoidance.r157.risk import REACTION_S
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.drivers.registry import sees_all
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.story.story import ContactClass, Story, seen_for
 from foresee_dsl.story.wording import quoted
 
-REACTION_S = EVALUATION_S + DELAY_S
-"""Time that a driver needs from the first sign of a conflict until it brakes, 1.15 s: R157's evaluation and delay."""
 STOOD_S = 0.5
 """An ego that had stood for at least this long has not run into an actor on foot or on a bicycle, s. Ours: a shorter
 stop is not a stop to a passenger either (`story.ego`). If the other actor is a vehicle, `REACTION_S` is used instead.

@@ -11,8 +11,8 @@ from foresee_dsl.avoidance.candidates.behaviours import Candidate, Kind
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.derive.operators.paper import largest_share
 from foresee_dsl.derive.operators.situation import Situation, is_free
-from foresee_dsl.derive.operators.steer import largest_share
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.model import Change, IgnoresRule, Quantity
 from foresee_dsl.language.model.derived import NOTHING

@@ -18,9 +18,9 @@ from foresee_dsl.derive import presets
 from foresee_dsl.derive.avoidable import avoidable
 from foresee_dsl.derive.local_search import Plan, near_changes, weaker_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Ego, Mutant, Origin, Quantity, Recorded, Weather

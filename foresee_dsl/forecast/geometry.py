@@ -13,15 +13,6 @@ from foresee_dsl.kernels.boxes import ever_within, gaps_to_first
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 
-def footprints(trace: Trace, actor: int) -> FloatArray:
-    """Return an actor's boxes, [T, 5]: x, y of the centre (m), heading (rad), length, width (m); NaN where absent."""
-    info = trace.actors[actor]
-    boxes = np.empty((trace.frames, 5))
-    boxes[:, :3] = trace.states[:, actor, [X, Y, HEADING]]
-    boxes[:, 3:] = (info.length_m, info.width_m)
-    return boxes
-
-
 def distances_to_ego(trace: Trace, actor: int, *, within_m: float = math.inf) -> FloatArray:
     """Return the distance between the footprints of the ego and an actor, [T], m.
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
     from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.drivers.protocol import Mission
-    from foresee_dsl.kernels.arrays import FloatArray
+    from foresee_dsl.forecast.pair_goal import PairGoal
 
 Group = Literal["critical crossing", "crossing", "critical", "close", "none"]
 """The paper's groups of actors (section 3.2); `close` for the proximity ranker, `none` for points without an actor."""
@@ -145,29 +145,11 @@ class Proposes(Protocol):
         ...
 
 
-class RolledGoal(Protocol):
-    """A campaign's goal about the ego and one actor, whose margin needs no simulation (`derive.pair_goal`)."""
-
-    @property
-    def name(self) -> str:
-        """Label of the expectation."""
-        ...
-
-    @property
-    def actor(self) -> str:
-        """The actor that it is about."""
-        ...
-
-    def margins(self, egos: FloatArray, ego_mps: FloatArray, boxes: FloatArray, mps: FloatArray) -> FloatArray:
-        """Return the margin of each of M pairs of footprints [M, 5] and speeds [M], SI units; NaN without an actor."""
-        ...
-
-
 @runtime_checkable
 class RollsOutGoals(Protocol):
     """A ranker that can rank changes by a campaign's goal, if the margin of the goal can be rolled out."""
 
-    def toward(self, goal: RolledGoal) -> Ranker:
+    def toward(self, goal: PairGoal) -> Ranker:
         """Return the ranker of changes that may break the goal."""
         ...
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,3 +13,5 @@ BoolArray = NDArray[np.bool_]
 Hashes = NDArray[np.uint64]
 Records = NDArray[np.void]
 """An array of a record type of `records`."""
+Record = Any
+"""One element of an array of records."""

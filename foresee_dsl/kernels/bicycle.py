@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from math import cos, exp, sin, sqrt, tan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.arrays import Record, Records
 from foresee_dsl.kernels.compiling import FLOAT, compiled, inner
 from foresee_dsl.kernels.records import array_of
 
@@ -51,8 +51,6 @@ class BicycleLimits(NamedTuple):
     lateral: float
 
 
-Record = Any
-"""One element of an array of records."""
 STATES, LIMITS = array_of(VehicleState), array_of(BicycleLimits)
 
 

@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.compiling import ANY_TABLE, BYTE_TABLE, CUBE, FLOAT, FLOATS, TABLE, compiled, inner
 
 IntArray = NDArray[np.intp]
 Bytes = NDArray[np.uint8]
-Flags = NDArray[np.bool_]
 
 WHOLE = 1
 """Code of a square of the network's area that lies wholly on the drivable area."""
@@ -60,7 +59,8 @@ def _box(row: FloatArray) -> Box:
 
 
 @inner
-def _posed(pose: FloatArray, size: FloatArray) -> Box:
+def posed(pose: FloatArray, size: FloatArray) -> Box:
+    """Return a box from its pose (x, y, heading) and its size (length, width)."""
     return Box(pose[0], pose[1], pose[2], size[0], size[1])
 
 
@@ -138,7 +138,7 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
             dx, dy = poses[k + 1, t, 0] - poses[0, t, 0], poses[k + 1, t, 1] - poses[0, t, 1]
             near = dx * dx + dy * dy <= most * most  # False for NaN
             distances[k, t] = (
-                apart(_posed(poses[0, t], sizes[0]), _posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
+                apart(posed(poses[0, t], sizes[0]), posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
             )
     return distances
 
@@ -159,13 +159,13 @@ def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius:
             # Boxes are near enough if circles inside them are; they cannot be if circles around them are not.
             if squared <= inside * inside:
                 return True
-            if squared <= outer * outer and apart(_posed(paths[n, t], sizes[0]), _posed(other[t], sizes[1])) <= radius:
+            if squared <= outer * outer and apart(posed(paths[n, t], sizes[0]), posed(other[t], sizes[1])) <= radius:
                 return True
     return False
 
 
 @compiled(TABLE, TABLE)
-def overlaps_of(a: FloatArray, b: FloatArray) -> Flags:
+def overlaps_of(a: FloatArray, b: FloatArray) -> BoolArray:
     """Return which pairs of boxes overlap, [N]; arguments as for `gaps`."""
     overlapping = np.empty(a.shape[0], dtype=np.bool_)
     for k in range(a.shape[0]):
@@ -183,7 +183,7 @@ def _hits(box: Box, poses: FloatArray, sizes: FloatArray) -> IntArray:
         dx, dy = poses[k, 0] - box.x, poses[k, 1] - box.y
         # Circles around the boxes are compared first, because few actors are this near. The test is False for NaN.
         most = (reach + sizes[k, 0] + sizes[k, 1]) / 2
-        if dx * dx + dy * dy <= most * most and overlap(box, _posed(poses[k], sizes[k])):
+        if dx * dx + dy * dy <= most * most and overlap(box, posed(poses[k], sizes[k])):
             indices[count] = k
             count += 1
     return indices[:count]
@@ -215,7 +215,7 @@ def wheels(x: float, y: float, heading: float, front: float, rear: float, left: 
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT, BYTE_TABLE)
 def all_whole(points: FloatArray, left: float, bottom: float, cell: float, squares: Bytes) -> bool:
-    """Return whether all points ([N, 2] m) lie in squares with the state `WHOLE`; see `drivable_area.Squares`."""
+    """Return whether all points ([N, 2] m) lie in squares with the state `WHOLE`; see `outcome.Squares`."""
     for k in range(points.shape[0]):
         column, row = np.floor((points[k, 0] - left) / cell), np.floor((points[k, 1] - bottom) / cell)
         if not (0 <= column < squares.shape[0] and 0 <= row < squares.shape[1]):  # true for NaN, too
@@ -233,9 +233,9 @@ def drives_on(
 
     `states`: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. `sizes`: [K, 2] length, width
     of the others.
-    `ego`: [5] its length and width, then `front`, `rear`, `left` of `wheels`. The rest: see `drivable_area.Squares`.
+    `ego`: [5] its length and width, then `front`, `rear`, `left` of `wheels`. The rest: see `outcome.Squares`.
     """
-    if _hits(_posed(states[0], ego), states[1:], sizes).size > 0:
+    if _hits(posed(states[0], ego), states[1:], sizes).size > 0:
         return False
     return all_whole(
         wheels(states[0, 0], states[0, 1], states[0, 2], ego[2], ego[3], ego[4]), left, bottom, cell, squares
@@ -274,28 +274,18 @@ def overlaps(a: Box, b: Box) -> bool:
     return bool(overlaps_of(np.array([a], dtype=np.float64), np.array([b], dtype=np.float64))[0])
 
 
-def box_distances(ego: FloatArray | Box, others: FloatArray) -> FloatArray:
-    """Return the distances between a box ([5]) and K boxes ([K, 5]), [K] m: 0 if they overlap, NaN if absent."""
-    return _distances(np.asarray(ego, dtype=np.float64), np.asarray(others, dtype=np.float64))
-
-
-def pairwise_box_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the distances between two footprints ([T, 5] each) at each frame, [T] m: 0 if they overlap, NaN if
-    absent."""
-    return _distances(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
-
-
-def box_overlap(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
-    """Return which boxes ([..., 5] and [..., 5]) overlap, [...]; False if one is absent."""
-    a, b = np.broadcast_arrays(a, b)
-    overlapping: NDArray[np.bool_] = overlaps_of(_rows(a), _rows(b)).reshape(a.shape[:-1])
-    return overlapping
-
-
-def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    a, b = np.broadcast_arrays(a, b)
+def pairwise_box_distance(a: FloatArray | Box, b: FloatArray) -> FloatArray:
+    """Return the distances between boxes ([..., 5] and [..., 5]), [...] m: 0 if they overlap, NaN if one is absent."""
+    a, b = np.broadcast_arrays(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
     distances: FloatArray = gaps(_rows(a), _rows(b)).reshape(a.shape[:-1])
     return distances
+
+
+def box_overlap(a: FloatArray, b: FloatArray) -> BoolArray:
+    """Return which boxes ([..., 5] and [..., 5]) overlap, [...]; False if one is absent."""
+    a, b = np.broadcast_arrays(a, b)
+    overlapping: BoolArray = overlaps_of(_rows(a), _rows(b)).reshape(a.shape[:-1])
+    return overlapping
 
 
 def _rows(boxes: FloatArray) -> FloatArray:

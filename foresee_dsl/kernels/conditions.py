@@ -11,7 +11,7 @@ from math import cos, frexp, ldexp, sin
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Box, Mover, overlap
+from foresee_dsl.kernels.boxes import Box, Mover, overlap, posed
 from foresee_dsl.kernels.compiling import ANY_TABLE, FLOAT, FLOATS, INT, TABLE, compiled, inner
 from foresee_dsl.kernels.lines import nearest_on_segment
 
@@ -83,11 +83,6 @@ def _corners_to_box(of: Box, to: Box) -> float:
 
 
 @inner
-def _box(states: FloatArray, sizes: FloatArray, k: int) -> Box:
-    return Box(states[k, 0], states[k, 1], states[k, 2], sizes[k, 0], sizes[k, 1])
-
-
-@inner
 def _gap(a: Box, b: Box) -> float:
     if np.isnan(a.x + a.y + a.heading + b.x + b.y + b.heading + a.length + a.width + b.length + b.width):
         return np.nan
@@ -102,13 +97,13 @@ def gap(states: FloatArray, sizes: FloatArray, actor: int, other: int) -> float:
 
     `states`: [A, >=3] x, y, heading. `sizes`: [A, 2] length, width.
     """
-    return _gap(_box(states, sizes, actor), _box(states, sizes, other))
+    return _gap(posed(states[actor], sizes[actor]), posed(states[other], sizes[other]))
 
 
 @compiled(TABLE, ANY_TABLE, INT, INT, FLOAT)
 def gap_within(states: FloatArray, sizes: FloatArray, actor: int, other: int, within: float) -> float:
     """Return `gap`, or infinity if the circles around the footprints show that it exceeds `within`, m."""
-    a, b = _box(states, sizes, actor), _box(states, sizes, other)
+    a, b = posed(states[actor], sizes[actor]), posed(states[other], sizes[other])
     dx, dy = b.x - a.x, b.y - a.y
     most = within + SURE_M + (np.hypot(a.length, a.width) + np.hypot(b.length, b.width)) / 2
     if dx * dx + dy * dy > most * most and most > 0.0:
@@ -228,7 +223,7 @@ def beside_area(states: FloatArray, sizes: FloatArray, actor: int, borders: Floa
     `states`, `sizes`: as for `gap`. `borders`: [M, 4] the end points of all sides of the area, also of its holes; empty
     if they are unknown. `bounds`: [4] west, south, east, north of it.
     """
-    box = _box(states, sizes, actor)
+    box = posed(states[actor], sizes[actor])
     if len(borders) == 0 or np.isnan(box.x + box.y + box.heading):
         return UNSURE
     reach = np.hypot(box.length, box.width) / 2 + SURE_M

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import FloatArray, Hashes, IntArray, Records
-from foresee_dsl.kernels.bicycle import Record
+from foresee_dsl.kernels.arrays import FloatArray, Hashes, IntArray, Record, Records
 from foresee_dsl.kernels.compiling import INT, KEY_TABLE, TABLE, compiled, inner
 from foresee_dsl.kernels.noise import chance, error
 from foresee_dsl.kernels.records import array_of

@@ -5,19 +5,16 @@ An actor accelerates or brakes to a pace, slows down for bends and stops at its 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.arrays import FloatArray, Record, Records
 from foresee_dsl.kernels.bicycle import STATES
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, place_at, speed_at
 from foresee_dsl.kernels.records import array_of
-
-Record = Any
-"""One element of an array of records."""
 
 CELL_M = 0.5
 """Length of path per look-up of the lane under it, m. Ours."""
@@ -100,9 +97,12 @@ def _approach(room: float, speed: float, braking: float, dt: float) -> float:
     return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
 
 
-@inner
-def _pose(along: float, half: float, line: Records) -> tuple[float, float, float]:
-    """See `pose_on_path`."""
+@compiled(FLOAT, FLOAT, VERTICES)
+def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float, float]:
+    """Return x, y (m) and heading (rad) of an actor at a length along its path (m).
+
+    `half`: half its length, m; if positive, its heading is that of the line between its rear and its front.
+    """
     x, y, heading = place_at(along, line)
     if half > 0.0:
         rear_x, rear_y, _ = place_at(along - half, line)
@@ -111,15 +111,6 @@ def _pose(along: float, half: float, line: Records) -> tuple[float, float, float
         if np.hypot(dx, dy) > half / 2:  # a path that folds back on itself here has no such heading
             heading = np.arctan2(dy, dx)
     return x, y, heading - 2 * np.pi * np.round(heading / (2 * np.pi))
-
-
-@compiled(FLOAT, FLOAT, VERTICES)
-def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float, float]:
-    """Return x, y (m) and heading (rad) of an actor at a length along its path (m).
-
-    `half`: half its length, m; if positive, its heading is that of the line between its rear and its front.
-    """
-    return _pose(along, half, line)
 
 
 @inner
@@ -160,7 +151,7 @@ def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tupl
         if along >= length:
             speed = 0.0
     follower["along"], follower["speed"] = along, speed
-    return _pose(along, half, line)
+    return pose_on_path(along, half, line)
 
 
 @inner
@@ -169,9 +160,13 @@ def _cell(along: float, follower: Record) -> int:
     return int(max(min(np.rint(along / CELL_M), follower["cells_end"] - follower["cells_begin"] - 1), 0))
 
 
-@inner
-def _find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
-    """See `find_seen`."""
+@compiled(FOLLOWERS, STATES, VERTICES, CELLS, SIGHTS)
+def find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
+    """Find the positions at which SUMO's vehicles see followers: on the road, or about to step on it.
+
+    Fills `sights` for followers that are seen, and with `OFF_ROAD` for followers that are not seen any more; returns
+    their number. It stops at a cell that must be looked up first, which is then the last sight (`UNKNOWN`).
+    """
     count = 0
     for n in range(followers.size):
         follower = followers[n]
@@ -200,16 +195,6 @@ def _find_seen(followers: Records, states: Records, lines: Records, cells: Recor
         sight["x"], sight["y"] = state["x"] + half * np.cos(heading), state["y"] + half * np.sin(heading)
         sight["heading"], sight["length"], sight["speed"] = heading, length, speed if speed > 0.0 else 0.0
     return count
-
-
-@compiled(FOLLOWERS, STATES, VERTICES, CELLS, SIGHTS)
-def find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
-    """Find the positions at which SUMO's vehicles see followers: on the road, or about to step on it.
-
-    Fills `sights` for followers that are seen, and with `OFF_ROAD` for followers that are not seen any more; returns
-    their number. It stops at a cell that must be looked up first, which is then the last sight (`UNKNOWN`).
-    """
-    return _find_seen(followers, states, lines, cells, sights)
 
 
 @compiled(FOLLOWERS, STATES, FLOATS, VERTICES, SPEED_POINTS, CELLS, SIGHTS, FLOAT)
@@ -243,4 +228,4 @@ def advance(
         state["speed"], state["acceleration"] = follower["speed"], (follower["speed"] - before) / dt
         state["yaw_rate"] = _wrapped(heading - heading_before) / dt
         along[follower["row"]] = follower["along"]
-    return _find_seen(followers, states, lines, cells, sights)
+    return find_seen(followers, states, lines, cells, sights)

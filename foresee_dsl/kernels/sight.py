@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
-from foresee_dsl.kernels.bicycle import Record
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Record, Records
 from foresee_dsl.kernels.compiling import FLOAT, TABLE, compiled, inner
 from foresee_dsl.kernels.lines import nearest_on_segment
 from foresee_dsl.kernels.records import array_of, dtype_of

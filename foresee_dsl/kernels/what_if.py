@@ -13,12 +13,12 @@ from __future__ import annotations
 from math import cos, hypot, inf, sin
 from typing import NamedTuple
 
-from foresee_dsl.kernels.arrays import FloatArray, Records
-from foresee_dsl.kernels.bicycle import Record
+from foresee_dsl.kernels.arrays import FloatArray, Record, Records
 from foresee_dsl.kernels.boxes import Box, apart, overlap
 from foresee_dsl.kernels.compiling import CUBE, TABLE, compiled, inner
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.records import array_of
+from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_SHARE
 
 ROLLOUT_STEP_S = 0.1
 """Time step of the roll-out, s. Ours: a pedestrian moves 0.1 m in this time; with a step of a single frame the
@@ -50,44 +50,42 @@ RELEASES_S = 0.5
 """Time for which the ego continues to brake after its path has become free, s. Ours: a short hesitation."""
 MISSES_M = 3.0
 """Smallest gap above which a change is useless with every style of driving, m. Ours: about a lane's width."""
-LANE_SHARE = 0.25
-"""Largest lateral speed of an actor, as a share of its speed (`kernels.sumo_traffic.SIDEWAYS_SHARE`)."""
 
 
 class WhatIf(NamedTuple):
-    """One actor with one changed behaviour; the fields of all other changes have their neutral values (in brackets).
+    """One actor with one changed behaviour; the fields of all other changes have their neutral values, the defaults.
 
     Attributes:
         actor: column of the actor. first, last: first and last frame of the window.
-        delay: additional time for which it stands at the beginning, s (0). ahead: its head start, m (0). pace: factor
-            on its speed along its track (1).
-        brakes_at, brakes_for: begin, since the window's beginning, and duration of braking, s; braking: m/s^2 (0).
-        left: offset to the left of its track, m (0), from left_at for left_for (s) at left_rate (m/s).
-        turn: change of its heading per metre, rad/m (0), from turn_at for turn_for (s).
-        goes_at: time from which it drives on with up to `cruise` (m/s), even if it stood in the recorded run, s (inf).
-        length, width: size of its footprint, m.
+        length, width: size of its footprint, m. cruise: its speed where nothing hinders it, m/s.
+        delay: additional time for which it stands at the beginning, s. ahead: its head start, m. pace: factor on its
+            speed along its track.
+        brakes_at, brakes_for: begin, since the window's beginning, and duration of braking, s; braking: m/s^2.
+        left: offset to the left of its track, m, from left_at for left_for (s) at left_rate (m/s).
+        turn: change of its heading per metre, rad/m, from turn_at for turn_for (s).
+        goes_at: time from which it drives on with up to `cruise`, even if it stood in the recorded run, s.
     """
 
     actor: int
     first: int
     last: int
-    delay: float
-    ahead: float
-    pace: float
-    brakes_at: float
-    brakes_for: float
-    braking: float
-    left: float
-    left_at: float
-    left_for: float
-    left_rate: float
-    turn: float
-    turn_at: float
-    turn_for: float
-    goes_at: float
-    cruise: float
     length: float
     width: float
+    cruise: float
+    delay: float = 0.0
+    ahead: float = 0.0
+    pace: float = 1.0
+    brakes_at: float = 0.0
+    brakes_for: float = 0.0
+    braking: float = 0.0
+    left: float = 0.0
+    left_at: float = 0.0
+    left_for: float = 0.0
+    left_rate: float = 0.0
+    turn: float = 0.0
+    turn_at: float = 0.0
+    turn_for: float = 0.0
+    goes_at: float = inf
 
 
 class Style(NamedTuple):
@@ -220,7 +218,7 @@ def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves
         turned += (wanted - turned) * ROLLOUT_STEP_S / RECOVERS_S
     if what["left"] != 0.0 and since >= what["left_at"]:
         wanted = 0.0 if since >= what["left_at"] + what["left_for"] else what["left"]
-        most = min(what["left_rate"] * ROLLOUT_STEP_S, LANE_SHARE * way)
+        most = min(what["left_rate"] * ROLLOUT_STEP_S, SIDEWAYS_SHARE * way)
         left += max(-most, min(most, wanted - left))
     return _Moves(clock, share, left + way * sin(turned), turned)
 

@@ -196,7 +196,7 @@ def test_the_replay_keeps_to_the_recorded_run(town: Town) -> None:
 
     bundle = town.bundle([town.ego(EAST, 10.0), *town.traffic(3)], end_s=8.0)
     recorded = run(bundle, Wild())
-    again = run(bundle, Replay(recorded.trace, None))
+    again = run(bundle, Replay(recorded.trace, None, bundle.scene))
     assert recorded.trace.frames == again.trace.frames > 40
     off = np.abs(recorded.trace.states[..., :2] - again.trace.states[..., :2])
     assert np.nanmax(off) < 1e-9
@@ -204,8 +204,9 @@ def test_the_replay_keeps_to_the_recorded_run(town: Town) -> None:
 
 def test_braking_builds_up_as_the_model_says_and_keeps_the_way(town: Town) -> None:
     around = ("n10_n11", "n11_n21", "n21_n31")
-    recorded = run(town.bundle([town.ego(around, 70.0, speed=7.0)], end_s=6.0), LaneKeeper(7.0))
-    braked = run(town.bundle([town.ego(around, 70.0, speed=7.0)], end_s=6.0), Replay(recorded.trace, 2.0)).trace
+    bundle = town.bundle([town.ego(around, 70.0, speed=7.0)], end_s=6.0)
+    recorded = run(bundle, LaneKeeper(7.0))
+    braked = run(bundle, Replay(recorded.trace, 2.0, bundle.scene)).trace
     frame = 40
     speeds = braked.states[frame:, 0, 3]
     way = float(np.hypot(*np.diff(braked.states[frame:, 0, :2], axis=0).T).sum())

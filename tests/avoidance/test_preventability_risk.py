@@ -12,12 +12,12 @@ from foresee_dsl.avoidance.r157.risk import (
     Perception,
     RecordedPath,
     critical_time_s,
+    other_at,
     perceive,
     predicted,
 )
-from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import Mover, box_overlap
-from foresee_dsl.simulate.results.outcome import who_struck
+from foresee_dsl.simulate.results.outcome import impact
 from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, YAW_RATE, X
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
@@ -27,11 +27,12 @@ def seen(ego: Track, other: Track, end_s: float | None = None) -> Perception | N
     """What is perceived in a run that ends with the contact, or at a time."""
     trace = make_trace({"ego": ego, "other": other})
     if end_s is None:
-        met = np.flatnonzero(box_overlap(footprints(trace, 0), footprints(trace, 1)))
+        met = np.flatnonzero(box_overlap(trace.boxes(0), trace.boxes(1)))
         frames = int(met[0]) + 1 if met.size else trace.frames
     else:
         frames = round(end_s / STEP_S) + 1
-    return perceive(replace(trace, time_s=trace.time_s[:frames], states=trace.states[:frames]), 1)
+    part = replace(trace, time_s=trace.time_s[:frames], states=trace.states[:frames])
+    return perceive(part, 1, sight_of(part))
 
 
 def test_what_is_slower_ahead_is_a_risk_two_seconds_before() -> None:
@@ -104,7 +105,9 @@ def predicted_from(column: int, value: float, after_s: list[float]) -> np.ndarra
     """Where a car at 4 m/s eastwards from (0, 0) will be when one of its states has this value."""
     track = straight("car", 0, 0, EAST, 4.0)
     track.states[:, column] = value
-    return predicted(make_trace({"ego": straight("car", -50, 0, EAST, 0.0), "b": track}), 1, 0, np.array(after_s))
+    now = other_at(make_trace({"ego": straight("car", -50, 0, EAST, 0.0), "b": track}), 1, 0)
+    assert now is not None
+    return predicted(now, np.array(after_s))
 
 
 def test_a_prediction_brakes_to_a_stand_and_turns() -> None:
@@ -154,5 +157,5 @@ def mover(x: float, y: float, heading: float, speed: float) -> Mover:
 )
 def test_who_struck_whom(b: Mover, speed: float, striker: str) -> None:
     a = mover(0, 0, EAST, speed)
-    assert who_struck(a, b) == striker
-    assert who_struck(b, a) == {"ego": "other", "other": "ego"}.get(striker, striker)
+    assert impact(a, b, "b").struck_by == striker
+    assert impact(b, a, "a").struck_by == {"ego": "other", "other": "ego"}.get(striker, striker)

@@ -39,7 +39,7 @@ EDITS = {
     "derive/clipping/clip.py": {"forecast", "minimise", "minimised_reference"},
     "derive/clipping/fidelity.py": {"clip", "minimise", "minimised_reference"},
     "derive/minimise/minimise.py": {"minimise", "minimised_reference"},
-    "derive/operators/steer.py": {"mutants"},
+    "derive/operators/paper.py": {"mutants"},
     "campaign/records.py": ALL,
     "campaign/steps/child.py": {"child", "minimise", "reference", "minimised_reference"},
     "campaign/steps/step.py": ALL,

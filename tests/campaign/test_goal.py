@@ -21,13 +21,12 @@ from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.forecast import toward_goal
 from foresee_dsl.campaign.steps.step import KeyInputs
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.foresee import ForeseeRanker
-from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.forecast.margin import MarginRanker
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import TestCase
@@ -93,7 +92,7 @@ def test_the_margin_of_a_rolled_out_actor_is_that_of_a_run(condition: str, tmp_p
     series = GoalSeries.in_meta(trace.meta)
     assert series is not None
     column = trace.index("other")
-    margins = pair.margins(footprints(trace, 0), trace.states[:, 0, SPEED], footprints(trace, column),
+    margins = pair.margins(trace.boxes(0), trace.states[:, 0, SPEED], trace.boxes(column),
                            trace.states[:, column, SPEED])  # fmt: skip
     assert np.where(np.isfinite(margins), margins, np.nan) == pytest.approx(series.margins, abs=1e-4, nan_ok=True)
 
@@ -149,7 +148,8 @@ def test_what_breaks_the_goal_is_a_finding_with_its_file(searched: tuple[Campaig
     assert not result.broken
     counts = result.goal
     assert counts is not None and counts.children > 0 and counts.findings > 0
-    assert [f.breaks_goal for f in result.findings] == sorted((f.breaks_goal for f in result.findings), reverse=True)
+    breaking = [finding.run.breaks_goal for finding in result.findings]
+    assert breaking == sorted(breaking, reverse=True)
     by_goal = [child for clip in result.clips for child in clip.children if child.verdict is Verdict.GOAL]
     assert by_goal
     data = json.loads((folder / "out" / "campaign.json").read_text())

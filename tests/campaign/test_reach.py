@@ -17,7 +17,7 @@ from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.derive.reach.ranker import ReachRanker
-from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.derive.reach.rolling import ReachSettings
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import Mutations
 from foresee_dsl.language.model import Clip, Quantity, Window

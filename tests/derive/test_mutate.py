@@ -9,7 +9,7 @@ from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.local_search import near_changes
 from foresee_dsl.derive.mutate import Draw, Mutator, _risky_frame, mutate
 from foresee_dsl.derive.operators import Operator, operators
-from foresee_dsl.derive.operators.model_swap import fits
+from foresee_dsl.derive.operators.paper import fits
 from foresee_dsl.derive.presets import FOCUSED, PAPER, UnknownPresetError
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change

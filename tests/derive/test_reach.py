@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.operators import operators
-from foresee_dsl.derive.operators.steer import Steer, largest_share
+from foresee_dsl.derive.operators.paper import Steer, largest_share
 from foresee_dsl.derive.presets import FOCUSED, PAPER
 from foresee_dsl.derive.reach.ranker import ReachPromise, ReachRanker, Tale, in_order
-from foresee_dsl.derive.reach.rolling import RolledChange, RollOut
-from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.derive.reach.rolling import ReachSettings, RolledChange, RollOut
 from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.simulate.trace import STEP_S, Trace

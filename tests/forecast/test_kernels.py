@@ -17,7 +17,6 @@ from foresee_dsl.forecast.geometry import (
     distances_to_ego,
     ever_near,
     feet_on_path,
-    footprints,
     paths_cut,
 )
 from foresee_dsl.kernels import boxes as box_kernels
@@ -132,7 +131,7 @@ def test_all_at_once_is_one_after_the_other() -> None:
     gaps = all_distances_to_ego(trace, [1, 2, 3], np.array([10.0, 50.0, 10.0]))
     for row, actor, within in zip(gaps, (1, 2, 3), (10.0, 50.0, 10.0), strict=True):
         assert np.array_equal(row, distances_to_ego(trace, actor, within_m=within))
-        full = pairwise_box_distance(footprints(trace, 0), footprints(trace, actor))
+        full = pairwise_box_distance(trace.boxes(0), trace.boxes(actor))
         assert row[np.isfinite(row)] == pytest.approx(full[np.isfinite(row)], abs=1e-12)
         assert not (full[np.isinf(row)] <= within).any()
     assert np.isinf(gaps[2]).all() and np.isfinite(gaps[0]).any()
@@ -158,7 +157,7 @@ def test_near_is_what_the_exact_distances_say() -> None:
     rng = np.random.default_rng(5)
     found = {True: 0, False: 0}
     trace = make_trace({"ego": straight("car", 0, 0, EAST, 0), "van": straight("van", 1, 2, NORTH, 0.1)})
-    boxes = footprints(trace, 1)[10:13]
+    boxes = trace.boxes(1)[10:13]
     for _ in range(300):
         ways = rng.uniform(-9, 9, (2, 3, 3))
         ways[0, 0, 0] = np.nan  # absent

@@ -12,13 +12,13 @@ from shapely.geometry import LineString, box
 
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_SHARE
 from foresee_dsl.kernels.what_if import (
     AHEAD_M,
     AHEAD_S,
     BEFORE_M,
     FRAMES,
     GAINS_MPS2,
-    LANE_SHARE,
     LEAST_PACE_MPS,
     LOOKS,
     RECOVERS_S,
@@ -155,7 +155,7 @@ def rolled(what: WhatIf, style: Style, near_s: float, tracks: FloatArray, sizes:
         elif what.turn != 0 and t >= what.turn_at:
             turned += (-left / max(AHEAD_M, AHEAD_S * way / ROLLOUT_STEP_S) - turned) * ROLLOUT_STEP_S / RECOVERS_S
         if what.left != 0 and t >= what.left_at:
-            wanted, rate = what.left, min(what.left_rate * ROLLOUT_STEP_S, LANE_SHARE * way)
+            wanted, rate = what.left, min(what.left_rate * ROLLOUT_STEP_S, SIDEWAYS_SHARE * way)
             left += max(-rate, min(rate, (0.0 if t >= what.left_at + what.left_for else wanted) - left))
         left += way * math.sin(turned)
     return Plain(math.inf, nearest, brakes)

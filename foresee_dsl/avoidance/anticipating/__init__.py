@@ -8,7 +8,6 @@ space within comfortable limits; if neither helps, it drives with care from the 
 manoeuvres that the kinematic screening proposes are driven in the real simulation, where the others react.
 """
 
-from foresee_dsl.avoidance.anticipating.answer import Answer, Anticipation
-from foresee_dsl.avoidance.anticipating.assessing import AnticipatingDriver
+from foresee_dsl.avoidance.anticipating.assessing import Answer, AnticipatingDriver, Anticipation
 
 __all__ = ["Answer", "AnticipatingDriver", "Anticipation"]

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.avoidance.anticipating.foresight import Other, PredictedEgo, conflicts, crossings_of, priority_ways
-from foresee_dsl.avoidance.anticipating.manoeuvre import HARDEST, steered
+from foresee_dsl.avoidance.anticipating.foresight import PredictedEgo, conflicts, crossings_of, priority_ways
 from foresee_dsl.avoidance.anticipating.settings import (
     AT_CROSSING_M,
     BESIDE_M,
@@ -42,10 +41,11 @@ from foresee_dsl.avoidance.anticipating.settings import (
     WALKING_MPS,
 )
 from foresee_dsl.avoidance.anticipating.way import Way
-from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S, MOVED_M
-from foresee_dsl.avoidance.replay import JERK_MPS3, Replay, pedals_for, wheel_share
+from foresee_dsl.avoidance.r157.risk import EVALUATION_S, MOVED_M, REACTION_S, Other
+from foresee_dsl.avoidance.replay import JERK_MPS3, Replay
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, SeenActor, VehicleLimits
+from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle
 from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE, SensorSettings
 from foresee_dsl.simulate.trace import STEP_S, Trace
@@ -80,10 +80,10 @@ class DriveAhead(Replay):
     version = "1"
 
     def __init__(self, trace: Trace, way: Way, scene: Scene) -> None:
-        super().__init__(trace, None, scene)
+        super().__init__(trace, None, scene, way)
         recorded = scene.ego.recorded
         self.from_s = recorded[-1].time_s if recorded else 0.0
-        self._path, self._way = way, way
+        self._way = way
         self._free_from = round(self.from_s / STEP_S)
         self._info = trace.actors[0]
         self._before: dict[int, SeenActor] = {}
@@ -116,10 +116,12 @@ class DriveAhead(Replay):
         others = self._others(observation)
         if self._frame % _DECIDES_EVERY == 0:
             self._decide(observation, others)
-        if not self._as_recorded():
-            return self._drive(bicycle)
-        self._level = self._state.acceleration
-        return self._follow(bicycle)
+        if self._as_recorded():
+            self._level = self._state.acceleration
+            return self._follow(bicycle)
+        change = JERK_MPS3 * STEP_S
+        self._level = min(max(self._wish, self._level - change), self._level + change)
+        return self._on_path(bicycle, -self._level)
 
     def _as_recorded(self) -> bool:
         """Return whether the ego still drives exactly as recorded.
@@ -135,16 +137,6 @@ class DriveAhead(Replay):
             recorded = float(speeds[self._frame + 1] - speeds[self._frame]) / STEP_S
             self._departed = self._caution < recorded - _SAME_MPS2
         return not self._departed
-
-    def _drive(self, bicycle: Bicycle) -> Control:
-        change = JERK_MPS3 * STEP_S
-        self._level = min(max(self._wish, self._level - change), self._level + change)
-        wheel = wheel_share(steered(bicycle, self._way, self._along, self._state, (0.0, 0.0, 0.0)),
-                       bicycle.limits.steer_max_rad)  # fmt: skip
-        speed = self._state.speed + self._level * STEP_S
-        if speed <= 0.0:
-            return Control(wheel, 0.0, 1.0)
-        return pedals_for(bicycle, self._state, wheel, speed)
 
     def _others(self, observation: Observation) -> list[tuple[int, Other]]:
         others = []
@@ -239,7 +231,7 @@ class DriveAhead(Replay):
                 continue
             # The driver reacts faster to an actor that it has watched already: the foot is over the brake.
             expected = expects or now - since >= EVALUATION_S - 1e-9
-            acts_s = self._acts.setdefault(track, now + (EXPECTED_REACTION_S if expected else EVALUATION_S + DELAY_S))
+            acts_s = self._acts.setdefault(track, now + (EXPECTED_REACTION_S if expected else REACTION_S))
             if now >= acts_s - 1e-9:
                 needed = max(needed, _needed(ego, other, meets.within_s))
         if needed > 0.0:
@@ -261,7 +253,7 @@ def _needed(ego: PredictedEgo, other: Other, within_s: float) -> float:
     sheds = max(ego.speed_mps - (with_mps if other.kind != "pedestrian" else 0.0), 0.0)
     room = max(sheds * within_s - _STANDS_OFF_M, 0.1)
     needed = sheds**2 / (2 * room)
-    return COMFORTABLE_MPS2 if needed <= COMFORTABLE_MPS2 else min(needed * 1.2, HARDEST)
+    return COMFORTABLE_MPS2 if needed <= COMFORTABLE_MPS2 else min(needed * 1.2, HARDEST_BRAKING_MPS2)
 
 
 _TOWARDS_MPS = 0.2

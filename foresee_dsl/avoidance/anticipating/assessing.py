@@ -1,4 +1,4 @@
-"""Assesses a failure for the anticipating driver.
+"""Assesses a failure for the anticipating driver, and its answers.
 
 It tries manoeuvres in order, confirms them by runs, and words the answer.
 """
@@ -6,18 +6,19 @@ It tries manoeuvres in order, confirms them by runs, and words the answer.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 
 from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, DriveAhead
-from foresee_dsl.avoidance.anticipating.answer import Answer, Anticipation
 from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
-from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre
-from foresee_dsl.avoidance.anticipating.screening import ScreenedManoeuvre, Screening, sideways
+from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre, ScreenedManoeuvre, Screening, sideways
 from foresee_dsl.avoidance.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
 from foresee_dsl.avoidance.anticipating.way import Way
-from foresee_dsl.avoidance.judge import Failure, contact
-from foresee_dsl.avoidance.r157.risk import DELAY_S, EVALUATION_S
+from foresee_dsl.avoidance.judge import ANTICIPATING, Failure, contact
+from foresee_dsl.avoidance.r157.risk import REACTION_S
+from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.simulate.mission import mission_of
@@ -28,9 +29,6 @@ from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S
 
-REACTION_S = EVALUATION_S + DELAY_S
-"""Time from the first moment at which the driver can foresee the conflict until it acts: R157's evaluation and delay,
-1.15 s."""
 _BRAKED_MPS2 = 3.5
 """An ego that is hit from behind may have caused the contact if it braked harder than this, m/s^2. Ours: just over
 comfortable braking.
@@ -40,6 +38,92 @@ SLOWER_MPS = 0.5
 """If the difference in speed is smaller than this, a run without braking counts as driven in the same way, m/s. Ours: 2
 km/h.
 """
+
+
+ShortAnswer = Literal["braking", "evading", "ahead", "no", "undecided"]
+
+
+class Answer(StrEnum):
+    """Whether an anticipating driver would have prevented the failure, and by which manoeuvre."""
+
+    origin: ShortAnswer
+    """The answer in a mutant's `origin`."""
+
+    def __new__(cls, value: str, origin: ShortAnswer) -> Self:
+        """Make a member."""
+        member = str.__new__(cls, value)
+        member._value_, member.origin = value, origin
+        return member
+
+    BRAKING = "preventable by braking", "braking"
+    EVADING = "preventable by evading", "evading"
+    AHEAD = "preventable by driving ahead of time", "ahead"
+    NO = "not preventable", "no"
+    UNDECIDED = "undecided", "undecided"
+
+    @property
+    def preventable(self) -> bool:
+        """Whether the driver would have prevented the failure by any manoeuvre."""
+        return self in (Answer.BRAKING, Answer.EVADING, Answer.AHEAD)
+
+
+@dataclass(frozen=True)
+class Anticipation:
+    """The result of an assessment.
+
+    Attributes:
+        answer: whether the failure was preventable, and by which manoeuvre. why: a sentence for people, with figures.
+        seen_s: time from which the driver could foresee the conflict. begins_s: time at which the manoeuvre begins.
+        braking_mps2: hardest braking. sideways_m: how far it evades, left positive.
+        slower_mps: how much slower the driver that drives ahead of time is when the conflict becomes foreseeable.
+        spare_s: how much later R157's hardest braking could have begun if the others had moved as recorded.
+        least_m: smallest distance to any actor in the run that confirms the answer; None without such a run.
+        runs: number of simulation runs.
+    """
+
+    answer: Answer
+    why: str
+    seen_s: float | None = None
+    begins_s: float | None = None
+    braking_mps2: float | None = None
+    sideways_m: float | None = None
+    slower_mps: float | None = None
+    spare_s: float | None = None
+    least_m: float | None = None
+    runs: int = 0
+
+    name: ClassVar[str] = ANTICIPATING
+    answers: ClassVar[tuple[str, ...]] = tuple(answer.value for answer in Answer)
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {
+            "answer": self.answer,
+            "why": self.why,
+            "seen_s": rounded(or_null(self.seen_s), 2),
+            "begins_s": rounded(or_null(self.begins_s), 2),
+            "braking_mps2": rounded(or_null(self.braking_mps2), 1),
+            "sideways_m": rounded(or_null(self.sideways_m), 1),
+            "slower_mps": rounded(or_null(self.slower_mps), 1),
+            "spare_s": rounded(or_null(self.spare_s), 2),
+            "least_m": rounded(or_null(self.least_m), 2),
+            "runs": self.runs,
+        }
+
+    @property
+    def avoids(self) -> bool:
+        """Return whether the driver avoids the failure; see `Judgement` for this property and the next ones."""
+        return self.answer.preventable
+
+    @property
+    def settles(self) -> bool:
+        """Whether the answer is decided."""
+        return self.answer is not Answer.UNDECIDED
+
+    @property
+    def origin(self) -> tuple[str, str]:
+        """The setting and value for a mutant's `origin`."""
+        return "anticipating", self.answer.origin
 
 
 class AnticipatingDriver:

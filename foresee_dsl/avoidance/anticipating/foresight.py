@@ -31,15 +31,17 @@ from foresee_dsl.avoidance.r157.risk import (
     MERGES_RAD,
     MOVED_M,
     WANDER_M,
-    course_of,
+    Other,
+    beginning,
     merged,
     moved_on,
+    other_at,
 )
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.simulate.sensing.sight import Sight, in_view
-from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 _EVERY_S = 0.1
 _CREEPS_MPS = 2.0
@@ -49,22 +51,6 @@ _ON_WAY_M, _SAME_WAY = 2.0, 0.7
 """An actor is on a way if it is nearer to the way than the first number, m, and the cosine of the angle between their
 headings is larger than the second number (45 degrees). Ours: within its lane.
 """
-
-
-@dataclass(frozen=True)
-class Other:
-    """Another road user at one moment; `course_rad` is its direction of motion."""
-
-    kind: str
-    x: float
-    y: float
-    heading_rad: float
-    course_rad: float
-    speed_mps: float
-    acceleration_mps2: float
-    yaw_rate_rad_s: float
-    length_m: float
-    width_m: float
 
 
 @dataclass(frozen=True)
@@ -191,42 +177,28 @@ def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) ->
 def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: float) -> FloatArray:
     steers = other.kind != "pedestrian" and speed_mps > MOVED_M / STEP_S
     per_m = other.yaw_rate_rad_s / speed_mps if steers else 0.0
-    pose = other.x, other.y, other.heading_rad
-    boxes = moved_on(pose, other.course_rad, speed_mps, brakes_mps2, per_m, time_s)
+    boxes = moved_on(other, time_s, speed_mps, brakes_mps2, per_m)
     # A standing vehicle does not sway, so the ego may pass it more closely.
     sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > NEARLY_STANDS_MPS else 1.5 * WANDER_M
     boxes[:, 3:] = (max(other.length_m - sways, 0.1), max(other.width_m - sways, 0.1))
     return boxes
 
 
-def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
-    """Return an actor of a trace (its column) at a frame; None where it is absent."""
-    row, info = trace.states[frame, actor], trace.actors[actor]
-    if math.isnan(row[X]):
-        return None
-    x, y, heading, speed, acceleration, rate = (
-        float(np.nan_to_num(row[k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
-    )
-    course = course_of(trace, actor, frame)
-    return Other(info.kind, x, y, heading, course, speed, acceleration, rate, info.length_m, info.width_m)
-
-
 def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()) -> float | None:
     """Return the time, s, from which the driver foresees the conflict without interruption until the contact; None if
     it does not.
     """
-    info, forgets = trace.actors[0], round(FORGETS_S / STEP_S)
-    first_frame: int | None = None
-    for frame in range(trace.frames - 2, -1, -_EVERY_FRAMES):
+    info = trace.actors[0]
+
+    def foresees(frame: int) -> bool:
         them = other_at(trace, other, frame)
-        me = PredictedEgo(
-            way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m, first
-        )
-        meets = conflicts(me, [them])[0] if them is not None else None
-        if meets is not None and meets.certain and in_view(trace, other, frame, sight):
-            first_frame = frame
-        elif (trace.frames - 1 if first_frame is None else first_frame) - frame >= forgets:
-            break
+        if them is None:
+            return False
+        along_m, speed_mps = float(way.along[frame]), float(trace.states[frame, 0, SPEED])
+        meets = conflicts(PredictedEgo(way, along_m, speed_mps, info.length_m, info.width_m, first), [them])[0]
+        return meets is not None and meets.certain and in_view(trace, other, frame, sight)
+
+    first_frame = beginning(trace, foresees, forgets_s=FORGETS_S, every=_EVERY_FRAMES)
     if first_frame is None:
         return None
     return 0.0 if first_frame < _EVERY_FRAMES else round(first_frame * STEP_S, 6)

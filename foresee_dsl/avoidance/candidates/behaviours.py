@@ -23,7 +23,7 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S, YAW_RATE, ActorInfo
 
 _ALONG_RAD = math.radians(45)
 """Two vehicles drive in the same direction if their headings differ by at most this, rad (as in
-`operators.model_swap`).
+`operators.paper`).
 """
 
 
@@ -170,19 +170,6 @@ def _side(left: float) -> str:
     return "left" if left > 0 else "right"
 
 
-def what_if(info: ActorInfo, actor: int, first: int, last: int, **changed: float) -> WhatIf:
-    """Return the roll-out (predicted motion) of an actor in a window of frames.
-
-    `actor`: its column. `changed`: fields of `WhatIf` that differ from neutral.
-    """
-    neutral = {
-        "delay": 0.0, "ahead": 0.0, "pace": 1.0, "brakes_at": 0.0, "brakes_for": 0.0, "braking": 0.0,
-        "left": 0.0, "left_at": 0.0, "left_for": 0.0, "left_rate": 0.0, "turn": 0.0, "turn_at": 0.0,
-        "turn_for": 0.0, "goes_at": math.inf, "cruise": info.cruise_mps,
-    }  # fmt: skip
-    return WhatIf(actor=actor, first=first, last=last, length=info.length_m, width=info.width_m, **neutral | changed)
-
-
 class Behaviours:
     """Makes the candidates of a window of a run.
 
@@ -316,7 +303,8 @@ class Behaviours:
     ) -> Candidate:  # fmt: skip
         info = self._run.trace.actors[actor]
         timed = {} if "braking" not in changed or at is None or long is None else {"brakes_at": at, "brakes_for": long}
-        what = what_if(info, actor, self._first, self._last, **changed | timed)
+        size = info.length_m, info.width_m
+        what = WhatIf(actor, self._first, self._last, *size, info.cruise_mps, **changed | timed)
         return Candidate(kind, info.id, strength, what, at, long)
 
     def _draws(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:

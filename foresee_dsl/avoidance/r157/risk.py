@@ -12,6 +12,7 @@ turn rate and braking of the other.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from foresee_dsl.avoidance.replay import RecordedPath
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
-from foresee_dsl.simulate.sensing.sight import Sight, in_view, sight_of
+from foresee_dsl.simulate.sensing.sight import Sight, in_view
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
@@ -28,6 +29,8 @@ EVALUATION_S = 0.4
 """
 DELAY_S = 0.75
 """Time from the perception to the beginning of braking, s: R157, Annex 4, appendix 3; `CC_rt` in JRC-FSM."""
+REACTION_S = EVALUATION_S + DELAY_S
+"""Time that a driver needs from the first sign of a conflict until it brakes, 1.15 s."""
 CRITICAL_TTC_S = 2.0
 """Time to collision below which a cutting-in vehicle is a risk, s: `CC_critical_ttc` in JRC-FSM. We apply it to all
 kinds of encounters."""
@@ -76,40 +79,71 @@ class Perception:
         return round(self.onset_s + EVALUATION_S + DELAY_S, 6)
 
 
-def perceive(trace: Trace, other: int, sight: Sight | None = None) -> Perception | None:
+@dataclass(frozen=True)
+class Other:
+    """Another road user at one moment; `course_rad` is its direction of motion."""
+
+    kind: str
+    x: float
+    y: float
+    heading_rad: float
+    course_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+    yaw_rate_rad_s: float
+    length_m: float
+    width_m: float
+
+
+def perceive(trace: Trace, other: int, sight: Sight) -> Perception | None:
     """Return when the ego's driver perceives the risk that led to the contact at the run's end.
 
     None if there is no risk.
 
     A risk that is interrupted for less than the evaluation time is one risk. An earlier risk that passed without a
     contact is ignored, as braking for it, seconds earlier, would avoid the contact by chance (ours). None if there is
-    no risk shortly before the frame of the contact. Without `sight`, visibility is judged from the trace alone.
+    no risk shortly before the frame of the contact.
     """
-    path, sight = RecordedPath(trace), sight or sight_of(trace)
-    forgets = round(EVALUATION_S / STEP_S)
-    onset: int | None = None
-    # Search backwards from the contact, until there was no risk for long enough.
-    for frame in range(trace.frames - 2, -1, -1):
-        if is_risk(trace, path, other, frame, sight):
-            onset = frame
-        elif (trace.frames - 1 if onset is None else onset) - frame >= forgets:
-            break
+    path = RecordedPath(trace)
+    onset = beginning(trace, lambda frame: is_risk(trace, path, other, frame, sight), forgets_s=EVALUATION_S)
     return None if onset is None else Perception(round(onset * STEP_S, 6), at_once=onset == 0)
+
+
+def beginning(trace: Trace, holds: Callable[[int], bool], *, forgets_s: float, every: int = 1) -> int | None:
+    """Return the frame from which something holds until the contact at the run's end, without a break of `forgets_s`.
+
+    None if it does not hold shortly before the contact.
+
+    Args:
+        holds: returns whether it holds at a frame. every: number of frames between two that are examined.
+    """
+    forgets = round(forgets_s / STEP_S)
+    first: int | None = None
+    # Search backwards from the contact, until it did not hold for long enough.
+    for frame in range(trace.frames - 2, -1, -every):
+        if holds(frame):
+            first = frame
+        elif (trace.frames - 1 if first is None else first) - frame >= forgets:
+            break
+    return first
 
 
 def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int, sight: Sight) -> bool:
     """Return whether the other's predicted path enters the ego's corridor soon enough to be a risk."""
-    me, them = trace.states[frame, 0], trace.states[frame, other]
-    if math.isnan(them[X]) or not _in_front(trace, other, frame):
+    me, them, info = trace.states[frame, 0], other_at(trace, other, frame), trace.actors[0]
+    if them is None:
         return False
-    limit = critical_time_s(float(me[SPEED]), float(them[SPEED] * math.cos(them[HEADING] - me[HEADING])))
+    ahead = (them.x - me[X]) * math.cos(me[HEADING]) + (them.y - me[Y]) * math.sin(me[HEADING])
+    if not ahead > -info.length_m / 2:  # braking does not avoid a contact from behind
+        return False
+    turned = math.cos(them.heading_rad - me[HEADING])
+    limit = critical_time_s(float(me[SPEED]), them.speed_mps * turned)
     time_s = np.arange(0.0, limit + 1e-9, PREDICTED_EVERY_S)
     ego = np.empty((len(time_s), 5))
     ego[:, :3] = path.at(path.along[frame] + float(me[SPEED]) * time_s)
-    info = trace.actors[0]
     ego[:, 3:] = (info.length_m, info.width_m + 2 * WANDER_M)
-    boxes = predicted(trace, other, frame, time_s)
-    if trace.actors[other].kind != "pedestrian" and math.cos(them[HEADING] - me[HEADING]) >= math.cos(MERGES_RAD):
+    boxes = predicted(them, time_s)
+    if them.kind != "pedestrian" and turned >= math.cos(MERGES_RAD):
         boxes = merged(boxes, me[[X, Y, HEADING]])
     return bool(box_overlap(ego, boxes).any()) and in_view(trace, other, frame, sight)
 
@@ -120,40 +154,44 @@ def critical_time_s(speed_mps: float, along_mps: float) -> float:
     `along_mps`: the other's speed along the ego's heading; an oncoming one counts as standing, since the ego cannot
     lose more than its own speed."""
     shed = max(speed_mps - max(along_mps, 0.0), 0.0)
-    return max(CRITICAL_TTC_S, EVALUATION_S + DELAY_S + shed / (2 * HARD_BRAKING_MPS2))
+    return max(CRITICAL_TTC_S, REACTION_S + shed / (2 * HARD_BRAKING_MPS2))
 
 
-def predicted(trace: Trace, actor: int, frame: int, time_s: FloatArray) -> FloatArray:
-    """Return the predicted boxes of an actor (a column) at some times after a frame, [N, 5], from its motion there.
+def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
+    """Return an actor of a trace (its column) at a frame; None where it is absent."""
+    row, info = trace.states[frame, actor], trace.actors[actor]
+    if math.isnan(row[X]):
+        return None
+    x, y, heading, speed, acceleration, rate = (
+        float(np.nan_to_num(row[k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
+    )
+    course = course_of(trace, actor, frame)
+    return Other(info.kind, x, y, heading, course, speed, acceleration, rate, info.length_m, info.width_m)
+
+
+def predicted(other: Other, time_s: FloatArray) -> FloatArray:
+    """Return the predicted boxes of another road user after some times, [N, 5], from its motion now.
 
     It continues in the direction of its last step with its turn rate and its braking, and does not accelerate. A
     pedestrian, who can turn on the spot, continues straight on."""
-    x, y, heading, speed, acceleration, rate = (
-        float(np.nan_to_num(trace.states[frame, actor, k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
-    )
-    info = trace.actors[actor]
-    per_m = rate / speed if speed > 0 and info.kind != "pedestrian" else 0.0
-    boxes = moved_on((x, y, heading), course_of(trace, actor, frame), speed, max(-acceleration, 0.0), per_m, time_s)
-    boxes[:, 3:] = (info.length_m, info.width_m)
-    return boxes
+    turns = other.speed_mps > 0 and other.kind != "pedestrian"
+    per_m = other.yaw_rate_rad_s / other.speed_mps if turns else 0.0
+    return moved_on(other, time_s, other.speed_mps, max(-other.acceleration_mps2, 0.0), per_m)
 
 
-def moved_on(
-    pose: tuple[float, float, float], course: float, speed: float, brakes: float, turns_per_m: float, time_s: FloatArray
-) -> FloatArray:
-    """Return the boxes [N, 5] at some times of an actor that brakes evenly along an arc; the sizes are not filled in.
+def moved_on(other: Other, time_s: FloatArray, speed: float, brakes: float, turns_per_m: float) -> FloatArray:
+    """Return the boxes [N, 5] at some times of a road user that brakes evenly along an arc.
 
-    `pose`: x and y, m, and heading, rad. `course`: the direction of motion, rad. `turns_per_m`: change of direction,
-    rad per metre.
+    `speed`: its speed at first, m/s. `brakes`: m/s^2. `turns_per_m`: change of direction, rad per metre.
     """
     rolls = np.minimum(time_s, speed / brakes) if brakes > 0 else time_s
     moved = speed * rolls - brakes * rolls**2 / 2
     turned = turns_per_m * moved
     # The chord of an arc lies at the mean direction.
-    chord, towards = moved * np.sinc(turned / (2 * np.pi)), course + turned / 2
+    chord, towards = moved * np.sinc(turned / (2 * np.pi)), other.course_rad + turned / 2
     boxes = np.empty((len(time_s), 5))
-    boxes[:, 0], boxes[:, 1] = pose[0] + chord * np.cos(towards), pose[1] + chord * np.sin(towards)
-    boxes[:, 2] = pose[2] + turned
+    boxes[:, 0], boxes[:, 1] = other.x + chord * np.cos(towards), other.y + chord * np.sin(towards)
+    boxes[:, 2], boxes[:, 3:] = other.heading_rad + turned, (other.length_m, other.width_m)
     return boxes
 
 
@@ -178,10 +216,3 @@ def merged(boxes: FloatArray, ego: FloatArray) -> FloatArray:
     boxes[over, 1] -= lateral[over] * cos
     boxes[over, 2] = ego[2]
     return boxes
-
-
-def _in_front(trace: Trace, other: int, frame: int) -> bool:
-    """Return whether the other's middle is ahead of the ego's rear; braking does not avoid a contact from behind."""
-    ego, them = trace.states[frame, 0], trace.states[frame, other]
-    ahead = (them[X] - ego[X]) * math.cos(ego[HEADING]) + (them[Y] - ego[Y]) * math.sin(ego[HEADING])
-    return bool(ahead > -trace.actors[0].length_m / 2)

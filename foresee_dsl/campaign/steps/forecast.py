@@ -16,9 +16,9 @@ from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.forecast.margin import MarginRanker
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker, RollsOutGoals
 from foresee_dsl.forecast.registry import load_ranker, ranker_within
 from foresee_dsl.language.meaning import clip_pin
@@ -133,8 +133,6 @@ def _draft(clip: Clip, rank: int) -> Draft:
         rank=rank,
         text=print_model(clip),
         name=clip.name,
-        parent=clip.parent,
-        case=clip.case or "",
         pin=clip_pin(clip, clip.pin),
         risk=risk_hash(clip),
     )

@@ -11,6 +11,7 @@ from typing import Literal, assert_never
 import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_actions, door_side
+from foresee_dsl.derive.clipping.conditions import point_of, quantity
 from foresee_dsl.derive.clipping.snapshot import (
     TrackProgress,
     ego_track,
@@ -33,11 +34,6 @@ from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP
 from foresee_dsl.simulate.triggers.record import ActorOrders
 
 _Timed = m.Steers | m.Line | m.Brakes
-DIGITS = 4
-"""Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3
-decimals, the driver decides differently in 5 of them (and is up to 0.64 m away after 10 s); with 4, all actors stay
-within 1 cm of the run; with 6, there is no deviation.
-"""
 RECORDED_EVERY_S = 0.05
 """Time between the ego's recorded states of a hand-over, s: one frame. Ours: if only every second frame were recorded,
 the ego would be off by millimetres in between.
@@ -148,7 +144,7 @@ def _body(
             operator=point.operator or None if actor else None,
         ),
         begins.ego(min(first + handover, last)),
-        m.Goal(at=_at(goal(trace, first, last))),
+        m.Goal(at=point_of(goal(trace, first, last))),
         *begins.patches(),
         *begins.actors(),
         *begins.signals(),
@@ -218,7 +214,7 @@ class _Beginning:
         """
         at = {event.actor: event.detail for event in self._trace.events if event.what == "slippery"}
         spots = ((patch, at[patch.name]) for patch in self._patches if patch.name in at)
-        return [patch.model_copy(update={"place": _at((spot["x"], spot["y"]))}) for patch, spot in spots]
+        return [patch.model_copy(update={"place": point_of((spot["x"], spot["y"]))}) for patch, spot in spots]
 
     def signals(self) -> list[m.SignalState]:
         """Return the stage of each signal, and how long it has lasted."""
@@ -251,10 +247,10 @@ class _Beginning:
         if info.id in self._on_tracks:
             return self._follower(info, self._on_tracks[info.id], orders)
         timing = next((si_of(item.factor) for item in source if isinstance(item, m.Timing)), 1.0)
-        cruise = self._cruise(info, orders) if orders.keeps_mps is None else _quantity(orders.keeps_mps, "speed")
+        cruise = self._cruise(info, orders) if orders.keeps_mps is None else quantity(orders.keeps_mps, "speed")
         carried = [statement for item in source for statement in self._carried(item, info, orders)]
         if orders.line_m is not None and not any(isinstance(item, m.Line) for item in carried):
-            carried.append(m.Line(left=_quantity(orders.line_m, "length")))
+            carried.append(m.Line(left=quantity(orders.line_m, "length")))
         return m.Actor(
             kind=_kind(info),
             name=info.id,
@@ -281,9 +277,9 @@ class _Beginning:
         along = float(self._trace.along[self._frame, k])
         path, joins = (orders.path, orders.joins) if orders.path else (info.path, info.route if info.path else ())
         if path and not (joins and math.isnan(along)):
-            walked = m.Walked(along=_quantity(0.0 if math.isnan(along) else along, "length"))
+            walked = m.Walked(along=quantity(0.0 if math.isnan(along) else along, "length"))
             then = (m.Joins(edges=joins),) if joins else ()
-            return m.Path(points=tuple(_at(p) for p in path)), *then, walked
+            return m.Path(points=tuple(point_of(p) for p in path)), *then, walked
         route = remaining_route(self._trace, k, self._frame, joins)
         return (m.EdgeRoute(edges=route),) if route else ()
 
@@ -294,7 +290,7 @@ class _Beginning:
         if orders.cruise is not None:
             return orders.cruise
         written = next((item.speed for item in self._source(info.id) if isinstance(item, m.CruiseSpeed)), None)
-        return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
+        return written or (quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
 
     def _rules(self, k: int, orders: ActorOrders) -> tuple[m.IgnoresRule | m.MeetsState, ...]:
         """Return the statements on the rules that an actor ignores and on the actor that it meets, without those about
@@ -388,7 +384,7 @@ class _Beginning:
         if orders.keeps_mps is None or not isinstance(meets, m.Meets) or cruise is None:
             return None
         room = m.Measure(what="distance", actor=info.id, other=meets.junction)
-        inside = m.Comparison(left=room, op="<=", right=_quantity(-MET_M, "length"))
+        inside = m.Comparison(left=room, op="<=", right=quantity(-MET_M, "length"))
         return m.When(condition=inside, actions=(m.ChangesSpeed(actor=info.id, to=cruise),))
 
 
@@ -408,9 +404,9 @@ def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State
     acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
     heading = math.remainder(float(row[HEADING]), math.tau)
     return m.State(
-        at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
-        heading=_quantity(heading, "angle"),
-        speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` multiplies the speed that the file states
+        at=point_of(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
+        heading=quantity(heading, "angle"),
+        speed=quantity(float(row[SPEED]) / timing, "speed"),  # `timing` multiplies the speed that the file states
         # A path-follower's acceleration has no effect, because its speed is prescribed; a vehicle's has, because SUMO
         # continues from it.
         acceleration=_unless_zero(acceleration, "acceleration") if wheels and on_lanes else None,
@@ -439,14 +435,6 @@ def _seconds(value: float) -> m.Quantity:
     return m.Quantity.of(value, "time", 2)
 
 
-def _quantity(value: float, dimension: Dimension) -> m.Quantity:
-    return m.Quantity.of(value, dimension, DIGITS)
-
-
 def _unless_zero(value: float, dimension: Dimension) -> m.Quantity | None:
-    quantity = _quantity(0.0 if math.isnan(value) else value, dimension)
-    return quantity if quantity.value else None
-
-
-def _at(place: tuple[float, float]) -> m.Point:
-    return m.Point(x=_quantity(place[0], "length"), y=_quantity(place[1], "length"))
+    rounded = quantity(0.0 if math.isnan(value) else value, dimension)
+    return rounded if rounded.value else None

@@ -14,9 +14,15 @@ from typing import assert_never
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import mentioned, parts, si_of
+from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
 
+DIGITS = 4
+"""Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3
+decimals, the driver decides differently in 5 of them (and is up to 0.64 m away after 10 s); with 4, all actors stay
+within 1 cm of the run; with 6, there is no deviation.
+"""
 Rewritten = m.Condition | bool
 """A rewritten condition, or its outcome if that is fixed from the clip's beginning on."""
 
@@ -163,6 +169,16 @@ def either(*conditions: Rewritten) -> Rewritten:
 def at_least(frames: int) -> m.Comparison:
     """Return `time >= TIME` for a number of steps."""
     return m.Comparison(left=m.Measure(what="time"), op=">=", right=seconds(frames * STEP_S))
+
+
+def quantity(value: float, dimension: Dimension) -> m.Quantity:
+    """Return a value in SI units with `DIGITS` decimals."""
+    return m.Quantity.of(value, dimension, DIGITS)
+
+
+def point_of(place: tuple[float, float]) -> m.Point:
+    """Return a place, x and y in m."""
+    return m.Point(x=quantity(place[0], "length"), y=quantity(place[1], "length"))
 
 
 def seconds(value: float) -> m.Quantity:

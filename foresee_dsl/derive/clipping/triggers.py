@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar, assert_never
+from typing import assert_never
 
 import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_side
-from foresee_dsl.derive.clipping.conditions import ClipMoment, both, rebased, seconds
+from foresee_dsl.derive.clipping.conditions import ClipMoment, both, point_of, quantity, rebased, seconds
 from foresee_dsl.derive.clipping.snapshot import present
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language import model as m
@@ -21,10 +21,6 @@ from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import all_actions, fields_of, si_of
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
-
-PLACE_DIGITS = 4
-"""Decimals of places, m; as many as `derive.clipping.clip.DIGITS`."""
-
 
 Resumed = (
     m.ChangesSpeed
@@ -39,7 +35,7 @@ Resumed = (
     | m.Reverses
 )
 """Orders that can be unfinished at the clip's beginning; the clip then states the rest of the order."""
-_Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside, m.BrakesFor)
+_Timed = m.ChangesSpeed | m.ChangesLine | m.KeepsGap | m.MatchesSpeed | m.KeepsBeside | m.BrakesFor
 
 
 @dataclass(frozen=True)
@@ -188,18 +184,10 @@ class Triggers:
                 left = self._rest_of_halt(action)
             case m.Stops():
                 left = self._rest_of_stop(action, since_s)
-            case m.ChangesSpeed():
-                left = self._until(action, "over", since_s, goes_on=True)
-            case m.ChangesLine():
-                left = self._until(action, "over", since_s, goes_on=False)
-            case m.KeepsGap():
-                left = self._until(action, "duration", since_s, goes_on=True)
-            case m.MatchesSpeed():
-                left = self._until(action, "duration", since_s, goes_on=True)
-            case m.KeepsBeside():
-                left = self._until(action, "duration", since_s, goes_on=True)
-            case m.BrakesFor():
-                left = self._until(action, "duration", since_s, goes_on=True)
+            case m.ChangesSpeed() | m.ChangesLine():
+                left = self._until(action, "over", since_s)
+            case m.KeepsGap() | m.MatchesSpeed() | m.KeepsBeside() | m.BrakesFor():
+                left = self._until(action, "duration", since_s)
             case m.Reverses():
                 left = self._rest_of_way_back(action, since_s)
             case m.Synchronises():
@@ -215,14 +203,16 @@ class Triggers:
             return action
         if math.isnan(now):
             return None
-        left = m.Quantity.of(si_of(action.length) - now, "length", PLACE_DIGITS)
+        left = quantity(si_of(action.length) - now, "length")
         return action.model_copy(update={"length": left}) if left.si > 0 else None
 
-    def _until(self, action: _Timed, field: str, since_s: float, *, goes_on: bool) -> _Timed | None:
-        """Return an order with the rest of its time; `goes_on`: whether an order without a time lasts for ever."""
+    def _until(self, action: _Timed, field: str, since_s: float) -> _Timed | None:
+        """Return an order with the rest of its time; an order without a time lasts for ever, but a change of line does
+        not.
+        """
         length = getattr(action, field)
         if not isinstance(length, m.Quantity):
-            return action if goes_on else None
+            return None if isinstance(action, m.ChangesLine) else action
         left_s = since_s + length.si - self.moment.time_s
         return action.model_copy(update={field: seconds(left_s)}) if left_s > 1e-6 else None
 
@@ -277,7 +267,7 @@ def triggers_at(scenario: m.Scenario, trace: Trace, frame: int, *, later: frozen
     return Triggers(
         trace=trace,
         frame=frame,
-        moment=ClipMoment(now_s, gone, _places(record)),
+        moment=ClipMoment(now_s, gone, {text: point_of(place) for text, place in record.places.items()}),
         whens=whens,
         states=record.triggers_at(now_s),
         orders=record.orders_at(now_s),
@@ -395,13 +385,6 @@ def _then(condition: m.Condition | bool, inner: tuple[m.Action, ...]) -> m.Then:
 def _starts(whens: Iterable[m.When]) -> dict[str, None]:
     """Return the actors that triggers start, in their order."""
     return dict.fromkeys(a.actor for when in whens for a in all_actions(when.actions) if isinstance(a, m.Starts))
-
-
-def _places(record: DirectorRecord) -> dict[str, m.Point]:
-    def metres(value: float) -> m.Quantity:
-        return m.Quantity.of(value, "length", PLACE_DIGITS)
-
-    return {text: m.Point(x=metres(x), y=metres(y)) for text, (x, y) in record.places.items()}
 
 
 def trimmed(actions: list[m.Action]) -> tuple[m.Action, ...]:

@@ -93,7 +93,7 @@ def stable_edge(high: int, fails: Callable[[int], bool]) -> int:
     """
     edges: list[tuple[int, int]] = []  # number of neighbours that fail, and the edge
     while True:
-        low = _edge(0, high, fails)
+        low = last_failing(0, high, fails)
         near = [fails(k) for k in range(low - 1, max(low - NEIGHBOURS, 0) - 1, -1)]
         edges.append((near.index(False) if False in near else NEIGHBOURS, low))
         if False not in near:
@@ -101,7 +101,7 @@ def stable_edge(high: int, fails: Callable[[int], bool]) -> int:
         high = low - 1 - near.index(False)
 
 
-def _edge(low: int, high: int, fails: Callable[[int], bool]) -> int:
+def last_failing(low: int, high: int, fails: Callable[[int], bool]) -> int:
     """Return, by bisection, a number that fails while the next one does not; `low` fails, and `high` does not."""
     while high - low > 1:
         middle = (low + high) // 2
@@ -115,13 +115,12 @@ def ask_for_passing(trials: Trials, candidate: TrialCandidate) -> None:
         grid = grid_of(change)
         if grid is None:
             continue
-        low, high = 0, grid.count
-        if high > 1:
-            low, high = (1, high) if trials.fails_somehow(_with(candidate, index, grid.changed(1))) else (0, 1)
-        while high - low > 1:
-            middle = (low + high) // 2
-            failed = trials.fails_somehow(_with(candidate, index, grid.changed(middle)))
-            low, high = (middle, high) if failed else (low, middle)
+
+        def fails(k: int, index: int = index, grid: ValueGrid = grid) -> bool:
+            return trials.fails_somehow(_with(candidate, index, grid.changed(k)))
+
+        if grid.count > 1 and fails(1):
+            last_failing(1, grid.count, fails)
 
 
 def boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) -> tuple[Boundary, ...]:

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from foresee_dsl.derive.clipping.fidelity import with_fidelity
-from foresee_dsl.derive.minimise.boundary import ask_for_passing, boundaries, nearest
+from foresee_dsl.derive.minimise.boundary import ask_for_passing, boundaries, last_failing, nearest
 from foresee_dsl.derive.minimise.candidate import Subject, TrialCandidate
 from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
 from foresee_dsl.derive.minimise.trials import TrialJudge, Trials
@@ -233,7 +233,8 @@ def _shorter(trials: Trials, candidate: TrialCandidate) -> TrialCandidate:
         begun = replace(candidate, first=starts[k])
         return trials.stands(begun) and trials.answer(begun) == answer
 
-    return replace(candidate, first=starts[_last_that_holds(len(starts) - 1, holds)])
+    latest = len(starts) - 1
+    return replace(candidate, first=starts[latest if holds(latest) else last_failing(0, latest, holds)])
 
 
 def drop_most(items: Sequence[_T], holds: Callable[[frozenset[_T]], bool]) -> frozenset[_T]:
@@ -255,17 +256,6 @@ def drop_most(items: Sequence[_T], holds: Callable[[frozenset[_T]], bool]) -> fr
                 k += size
         size = min(size - 1, math.ceil(size / 2)) if size > 1 else 0
     return gone
-
-
-def _last_that_holds(largest: int, holds: Callable[[int], bool]) -> int:
-    """Return, by bisection, a number that holds while the next one does not; `largest` if that holds. 0 must hold."""
-    if holds(largest):
-        return largest
-    low, high = 0, largest
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
 
 
 def _far_first(trace: Trace, names: Collection[str]) -> list[str]:

@@ -10,13 +10,11 @@ from functools import lru_cache
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, HeavyWeather, LineShift, StyleChange, TimingShift
+from foresee_dsl.derive.operators.paper import ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
-from foresee_dsl.derive.operators.steer import Steer
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
@@ -65,11 +63,11 @@ def predicted_gap_m(
     `trace`: the clip's unmutated run. `actor`: the actor's column. Changes of properties that our operators do not
     change are ignored.
     """
-    boxes = footprints(trace, actor)
+    boxes = trace.boxes(actor)
     for change in changes:
         if change.property in _BY_PROPERTY:
             boxes = _BY_PROPERTY[change.property].rolled_out(boxes, change, ActorsRun(trace, actor, models))
-    ego = footprints(trace, 0)
+    ego = trace.boxes(0)
     present = ~np.isnan(boxes[:, 0]) & ~np.isnan(ego[:, 0])
     if not present.any():
         return math.inf, math.inf

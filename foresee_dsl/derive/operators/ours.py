@@ -19,7 +19,6 @@ from foresee_dsl.derive.operators.situation import (
     BuiltIn,
     Numeric,
     Situation,
-    added_si,
     is_free,
     multiples,
 )
@@ -42,14 +41,17 @@ class Shift(Numeric):
         """Return a recorded track ([T, 5] footprints) with each of N values (SI) of the property, without a simulation:
         [N, T, 5]."""
 
-
-class _Added(Shift):
-    """An operator whose roll-out depends on the difference between the property's new and old value."""
-
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return the track with the difference between the new and the old value applied."""
-        rolled: FloatArray = self.tracks(boxes, np.array([added_si(change)]), run)[0]
+        """Return the track with a change of the property."""
+        rolled: FloatArray = self.tracks(boxes, np.array([self.shift(change)]), run)[0]
         return rolled
+
+    @staticmethod
+    def shift(change: Change) -> float:
+        """Return the value (SI) with which `tracks` computes a change: the new value minus the old one."""
+        if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
+            raise TypeError(f"the value of {change.actor}.{change.property} must be a quantity")
+        return change.now.si - change.was.si
 
 
 class TimingShift(Shift):
@@ -71,15 +73,13 @@ class TimingShift(Shift):
         del run
         return retimed(boxes, factor=values)
 
-    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return the recorded track, followed faster or slower."""
-        if not isinstance(change.now, Quantity):
-            return boxes
-        rolled: FloatArray = self.tracks(boxes, np.array([change.now.si]), run)[0]
-        return rolled
+    @staticmethod
+    def shift(change: Change) -> float:
+        """Return the new factor."""
+        return change.now.si if isinstance(change.now, Quantity) else 1.0
 
 
-class DelayShift(_Added):
+class DelayShift(Shift):
     """Makes a path-follower stand longer, or less long, before it moves.
 
     It is only for actors that can stop at once: pedestrians, and cyclists that stand at the clip's beginning.
@@ -102,7 +102,7 @@ class DelayShift(_Added):
         return retimed(boxes, delay_s=values)
 
 
-class HeadStart(_Added):
+class HeadStart(Shift):
     """Puts a moving path-follower further along its path at the beginning, as if it had started earlier.
 
     The actor begins at a place where it was a little later in the unmutated run, so never beyond a place where it
@@ -146,7 +146,7 @@ class HeadStart(_Added):
         return places
 
 
-class LineShift(_Added):
+class LineShift(Shift):
     """Moves a path-follower or a bicycle to a line beside its own.
 
     It is not for cars and larger vehicles, which nearly fill their lanes; `steer` takes them out of the lane.

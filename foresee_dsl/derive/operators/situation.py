@@ -13,12 +13,12 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.pair_goal import PairGoal
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.forecast.geometry import distances_to_ego
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import box_distances
+from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Actor, Change, Clip, Quantity
 from foresee_dsl.language.model.derived import PROPERTIES
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
@@ -202,13 +202,6 @@ class Numeric(BuiltIn):
         return self.changed(situation, target, value)
 
 
-def added_si(change: Change) -> float:
-    """Return the difference between a change's new and old value, in SI units."""
-    if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
-        raise TypeError(f"the value of {change.actor}.{change.property} must be a quantity")
-    return change.now.si - change.was.si
-
-
 @lru_cache(maxsize=256)
 def multiples(low: float, high: float, step: float, *, centre: float, dead: float) -> tuple[float, ...]:
     """Return the multiples of a step from `low` to `high`, without those that are closer to `centre` than `dead`."""
@@ -231,4 +224,4 @@ def others_at(trace: Trace, actor: int, frame: int) -> FloatArray:
 def is_free(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
     """Return whether a footprint, [5], of an actor would touch no other actor at a frame."""
     others = others_at(trace, actor, frame)
-    return not len(others) or bool((box_distances(box, others) > 0).all())
+    return not len(others) or bool((pairwise_box_distance(box, others) > 0).all())

@@ -11,24 +11,23 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from foresee_dsl.avoidance.candidates.behaviours import what_if
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoidable_shares
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.derive.operators import operators
-from foresee_dsl.derive.operators.model_swap import ModelSwap
+from foresee_dsl.derive.operators.paper import ModelSwap
 from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import Preset, preset
-from foresee_dsl.derive.reach.rolling import Rolling, RollOut
-from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.derive.reach.rolling import ReachSettings, Rolling, RollOut
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.geometry import all_distances_to_ego
 from foresee_dsl.forecast.margin import MarginRanker
-from foresee_dsl.forecast.protocol import Mutations, RiskyPoint, RolledGoal
+from foresee_dsl.forecast.pair_goal import PairGoal
+from foresee_dsl.forecast.protocol import Mutations, RiskyPoint
 from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
-from foresee_dsl.language.model import Clip
+from foresee_dsl.kernels.what_if import WhatIf
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _QUARTERS = 4
@@ -103,7 +102,8 @@ def _avoided_share(run: RecordedRun, promised: ReachPromise, settings: ReachSett
         return 0.0
     places = np.unique(np.round(np.linspace(0, len(promised.reaching) - 1, settings.decided)).astype(np.int64))
     last = change.onset + rolled.every * rolled.steps
-    what = what_if(run.trace.actors[change.actor], change.actor, change.onset, last)
+    info = run.trace.actors[change.actor]
+    what = WhatIf(change.actor, change.onset, last, info.length_m, info.width_m, info.cruise_mps)
     return float(avoidable_shares(run, what, _rows(run, rolled, promised.reaching[places])).mean())
 
 
@@ -173,14 +173,14 @@ class ReachRanker:
 
     settings: ReachSettings = field(default_factory=ReachSettings)
     mutations: Mutations | None = None
-    goal: RolledGoal | None = None
+    goal: PairGoal | None = None
     name: str = "reach"
 
     def before(self, mutations: Mutations) -> ReachRanker:
         """Return the ranker for clips that are mutated in this way."""
         return replace(self, mutations=mutations)
 
-    def toward(self, goal: RolledGoal) -> ReachRanker:
+    def toward(self, goal: PairGoal) -> ReachRanker:
         """Return the ranker of changes that may break a goal: changes of the actor that the goal is about."""
         return replace(self, goal=goal)
 
@@ -226,16 +226,10 @@ class ReachRanker:
     def rolling(self, trace: Trace, gaps: FloatArray) -> Rolling:
         """Return the object that rolls out the changes of a run. `gaps`: [A, T] m between each actor and the ego."""
         chosen = preset(self.mutations.preset) if self.mutations is not None else preset("focused")
-        return Rolling(
-            trace, self._models(trace), chosen, self.settings, _NO_CLIP, _operators(chosen), gaps, goal=self.goal
-        )
+        return Rolling(trace, self._models(trace), chosen, self.settings, _operators(chosen), gaps, goal=self.goal)
 
     def _models(self, trace: Trace) -> Mapping[str, ModelSpec]:
         return self.mutations.models if self.mutations is not None else _usual(trace)
-
-
-_NO_CLIP = Clip(name="none", parent="none.foresee", pin="sha256:000000000000", body=())
-"""Placeholder for the clips, which are not cut yet."""
 
 
 def _operators(chosen: Preset) -> list[Numeric | ModelSwap]:
@@ -302,7 +296,7 @@ def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -
     )
 
 
-def _goal_point(trace: Trace, gaps: FloatArray, best: ReachPromise, goal: RolledGoal) -> RiskyPoint:
+def _goal_point(trace: Trace, gaps: FloatArray, best: ReachPromise, goal: PairGoal) -> RiskyPoint:
     """Return the point of a change that may break the goal; the judges know contacts only and are not asked."""
     point = _point(trace, gaps, best, 0.0)
     change, count = best.rolled.change, len(best.rolled.values)

@@ -1,4 +1,7 @@
-"""Rolls out the allowed changes of operators: the actors' new poses, and their gaps to the recorded ego."""
+"""Rolls out the allowed changes of operators: the actors' new poses, and their gaps to the recorded ego.
+
+It has the settings of the ranker `reach`, too.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,11 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
-from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import Shift
+from foresee_dsl.derive.operators.paper import RECOVERS_S, ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation
-from foresee_dsl.derive.operators.steer import RECOVERS_S, Steer
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.derive.reach.settings import ReachSettings
-from foresee_dsl.forecast.geometry import footprints
-from foresee_dsl.forecast.protocol import RolledGoal
+from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.kernels.constants import STANDS_MPS
@@ -35,6 +35,48 @@ straight, m/s. Ours.
 _TIGHTEST_PER_M = 0.3
 """Largest curvature that is computed from a recorded yaw rate, 1/m. Ours: a car's turning circle has a radius of
 5.5 m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReachSettings:
+    """Settings of the ranker `reach`. All ours, chosen on the even half of the test cases (docs/background/rankers.md).
+
+    Attributes:
+        every_s: time between the examined onsets. Ours: whole seconds, as in the exhaustive search.
+        nearest: number of actors examined per onset, the nearest to the ego first.
+        within_m: distance to the ego above which an actor is not examined. Ours: two vehicles that meet at 30 km/h
+            cover it in 2.4 s.
+        looks_s: duration of the roll-out of steering. Ours: 4 s, 5 s and 7 s give 37, 37 and 31 failures.
+        paced_s: duration of the roll-out of all other changes, which displace an actor more slowly. Ours: with a
+            swapped bicycle, failures of the exhaustive search come up to 9 s after the onset.
+        step_s: time step of the roll-out. Ours: a vehicle in town turns by less than 4 deg in it.
+        shares: largest number of values per change that are rolled out, evenly spaced over the allowed ones.
+        decided: largest number of values that reach the ego for which careful drivers are rolled out.
+        met_weight: weight of an actor that comes near the ego without a change within `met_s` after the onset; the
+            weight is halved at 1 m. Ours: of 0.15, 0.3 and 0.6, 0.3 gave as many failures as any, and as many
+            avoidable ones.
+        met_s: see `met_weight`.
+        again: worth of a kind of contact the second time, as a share of the first. Ours: 0.3, 0.5 and 0.7 differ by
+            little.
+        swap_within_m: recorded gap to the ego above which an actor's model is not swapped, swap_reach_m: gap that a
+            swap must reach. Ours: these save time, as most swaps have no effect.
+        proposals: maximum number of ranked changes; the points of the ranker `foresee` follow them.
+    """
+
+    every_s: float = 1.0
+    nearest: int = 3
+    within_m: float = 40.0
+    looks_s: float = 5.0
+    paced_s: float = 8.0
+    step_s: float = 0.1
+    shares: int = 41
+    decided: int = 6
+    met_weight: float = 0.3
+    met_s: float = 10.0
+    again: float = 0.5
+    swap_within_m: float = 6.0
+    swap_reach_m: float = 1.0
+    proposals: int = 24
 
 
 class _Limits(NamedTuple):
@@ -182,13 +224,17 @@ class _Moment(Situation):
         return None if definition.default is None else Quantity.of(definition.default.si, definition.dimension, 2)
 
 
+_NO_CLIP = Clip(name="none", parent="none.foresee", pin="sha256:000000000000", body=())
+"""Placeholder for the clips, which are not cut yet."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rolling:
     """Rolls changes out along a run that passed.
 
     Attributes:
-        clip: placeholder for the clip that will be cut. operators: the operators of the preset that can be rolled out.
-            gaps: [A, T] gaps of the actors to the ego, m. models_of: for each swap, the models that fit.
+        operators: the operators of the preset that can be rolled out. gaps: [A, T] gaps of the actors to the ego, m.
+        models_of: for each swap, the models that fit.
         goal: the goal of the actor whose changes are rolled out. Its margins (SI units) take the place of the gaps.
     """
 
@@ -196,11 +242,10 @@ class Rolling:
     models: Mapping[str, ModelSpec]
     preset: Preset
     settings: ReachSettings
-    clip: Clip
     operators: Sequence[Numeric | ModelSwap]
     gaps: FloatArray
     models_of: dict[RolledChange, tuple[str, ...]] = field(default_factory=dict)
-    goal: RolledGoal | None = None
+    goal: PairGoal | None = None
 
     def changes(self, onset: int, actors: Sequence[int]) -> Iterator[tuple[RolledChange, FloatArray]]:
         """Yield the changes of some actors (columns) from a frame on, with all allowed values."""
@@ -221,7 +266,7 @@ class Rolling:
         """Return the situation at a frame at which a clip would begin, without cutting the clip."""
         frames = round((self.settings.paced_s + _AFTER_POINT_S) / STEP_S) + 1
         return _Moment(
-            clip=self.clip, trace=self.trace.part(onset, onset + frames), frame=round(self.settings.looks_s / STEP_S),
+            clip=_NO_CLIP, trace=self.trace.part(onset, onset + frames), frame=round(self.settings.looks_s / STEP_S),
             ranked="", models=self.models, swappable=tuple(sorted(self.models)), onset_s=0.0,
         )  # fmt: skip
 
@@ -283,7 +328,7 @@ class Rolling:
     def _shifted(self, change: RolledChange, values: FloatArray) -> RollOut:
         frames = self._frames(change.onset, self.settings.paced_s)
         part = self.trace.part(change.onset, int(frames[-1]) + 1)
-        boxes = footprints(part, change.actor)
+        boxes = part.boxes(change.actor)
         match change.operator:
             case ModelSwap() as swap:
                 names = [self.models_of[change][round(k)] for k in values]
@@ -309,22 +354,21 @@ class Rolling:
         if sizes is None:
             own = np.array([(trace.actors[k].length_m, trace.actors[k].width_m) for k in actors])
             sizes = np.repeat(own[:, None], poses.shape[1], axis=1)
-        if self.goal is not None:
-            return self._margins(self.goal, poses, actors, frames, sizes)
-        circles = (np.hypot(sizes[..., 0], sizes[..., 1]) + math.hypot(info.length_m, info.width_m))[..., None] / 2
-        apart = np.hypot(poses[..., 0] - ego[:, None, :, 0], poses[..., 1] - ego[:, None, :, 1])
         gone = np.isnan(trace.states[frames, actors[:, None], X])
         gone[:, 1:] |= frames[:, 1:] == frames[:, :-1]  # a frame beyond the run's end
+        if self.goal is not None:
+            margins = self._margins(self.goal, poses, frames, sizes)
+            return np.where(np.isnan(margins) | gone[:, None, :], np.inf, margins)
+        circles = (np.hypot(sizes[..., 0], sizes[..., 1]) + math.hypot(info.length_m, info.width_m))[..., None] / 2
+        apart = np.hypot(poses[..., 0] - ego[:, None, :, 0], poses[..., 1] - ego[:, None, :, 1])
         gaps = np.where(np.isnan(apart) | gone[:, None, :], np.inf, np.maximum(apart - circles, 0.0))
         p, n, t = np.nonzero(gaps < _CLOSE_M)
         egos = np.column_stack([ego[p, t], np.broadcast_to((info.length_m, info.width_m), (len(p), 2))])
         gaps[p, n, t] = pairwise_box_distance(egos, np.column_stack([poses[p, n, t], sizes[p, n]]))
         return gaps
 
-    def _margins(
-        self, goal: RolledGoal, poses: FloatArray, actors: FloatArray, frames: FloatArray, sizes: FloatArray
-    ) -> FloatArray:
-        """Return the margins of a goal, [P, N, T] in SI units; see `_gaps`."""
+    def _margins(self, goal: PairGoal, poses: FloatArray, frames: FloatArray, sizes: FloatArray) -> FloatArray:
+        """Return the margins of a goal, [P, N, T] in SI units, NaN where an actor is absent; see `_gaps`."""
         trace, shape = self.trace, poses.shape[:3]
         moved = np.hypot(*np.moveaxis(np.diff(poses[..., :2], axis=2), -1, 0)) / self.settings.step_s
         speeds = np.concatenate([moved, moved[:, :, -1:]], axis=2)
@@ -333,10 +377,7 @@ class Rolling:
         egos = np.column_stack([ego[:, [X, Y, HEADING]], np.broadcast_to((info.length_m, info.width_m), (len(ego), 2))])
         sides = np.broadcast_to(sizes[:, :, None], (*shape, 2)).reshape(-1, 2)
         boxes = np.column_stack([poses.reshape(-1, 3), sides])
-        margins = goal.margins(egos, ego[:, SPEED], boxes, speeds.reshape(-1)).reshape(shape)
-        gone = np.isnan(trace.states[frames, actors[:, None], X])
-        gone[:, 1:] |= frames[:, 1:] == frames[:, :-1]  # a frame beyond the run's end
-        return np.where(np.isnan(margins) | gone[:, None, :], np.inf, margins)
+        return goal.margins(egos, ego[:, SPEED], boxes, speeds.reshape(-1)).reshape(shape)
 
 
 def _evenly(values: FloatArray, most: int) -> FloatArray:

@@ -14,8 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from foresee_dsl.drivers.bundled import BundledDriver
-from foresee_dsl.drivers.ideal import Memory
+from foresee_dsl.drivers.bundled import BundledDriver, Memory
 from foresee_dsl.drivers.idm import traffic
 from foresee_dsl.drivers.idm.traffic import ACCELERATION_MPS2, IdmLeader
 from foresee_dsl.drivers.parts import DriverPart, PlannedMotion

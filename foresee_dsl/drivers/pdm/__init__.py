@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.bundled import BundledDriver
-from foresee_dsl.drivers.ideal import NO_FUTURES, Memory
+from foresee_dsl.drivers.bundled import NO_FUTURES, BundledDriver, Memory
 from foresee_dsl.drivers.parts import DriverPart, PlannedMotion
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state

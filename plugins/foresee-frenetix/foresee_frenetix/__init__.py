@@ -11,8 +11,7 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as package_version
 from typing import TYPE_CHECKING
 
-from foresee_dsl.drivers.bundled import BundledDriver
-from foresee_dsl.drivers.ideal import memory_of
+from foresee_dsl.drivers.bundled import BundledDriver, memory_of
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Mission, VehicleLimits
 from foresee_dsl.errors import DriverUnavailableError

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.drivers.ideal import NO_FUTURES, Memory
+from foresee_dsl.drivers.bundled import NO_FUTURES, Memory
 from foresee_dsl.drivers.parts import PlannedMotion
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import RoadSituation, ego_record, read_situation, write_state

@@ -23,6 +23,7 @@ from foresee_study.faults.searching import Search, searched
 from foresee_study.faults.table import Benchmark, as_json, as_markdown
 from foresee_study.halves import Half, of_half
 
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -266,7 +267,7 @@ def test_a_search_ends_with_its_time_and_is_not_done_twice(bundled: list[TestCas
 def test_a_diagnosis_names_the_part_with_the_fault(bundled: list[TestCase]) -> None:
     case = next(case for case in bundled if name(case) == "scenario7.foresee::r04")
     driver = plug_in_path.address("pdm/late_objects", 1.0)
-    (result,) = diagnose([Failing(name(case), case, driver, 0)])
+    (result,) = diagnose([Failing(name(case), case, DriverSetup(driver))])
     assert result.diagnosis is not None
     assert result.diagnosis.cause == (KINDS["late_objects"].part,) == (DriverPart.PERCEPTION,)
     table = causes_table([Named("pdm/late_objects", name(case), "perception", "perception", result.diagnosis.text)])

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -79,7 +79,7 @@ def measure_causes(
             verdict = run_test_case(case, driver, 0).verdict
             if verdict.is_failure:
                 count += 1
-                failing.append((fault, name(case), Failing(name(case), case, driver, 0)))
+                failing.append((fault, name(case), Failing(name(case), case, DriverSetup(driver))))
         say(f"{fault}: {count} failures")
     named = []
     for (fault, case_name, _), result in zip(failing, diagnose([each for *_, each in failing], jobs), strict=True):

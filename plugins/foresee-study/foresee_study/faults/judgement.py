@@ -16,18 +16,17 @@ import numpy as np
 from foresee_dsl.avoidance.comparison import compared
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps.case_reference import drive_failure
 from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
-from foresee_dsl.campaign.steps.referring import driven
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
@@ -128,9 +127,8 @@ def _of_faults(
 
 
 def _judged(child: ChildOutcome, case: TestCase, parent: TestCase, driver: str, fault: str) -> Iterator[JudgedFailure]:
-    outcome, failed = run_child(
-        mutant_of(child.text), parent, Path(child.file), driver=driver, seed=0, rules=RulesMode.OFF
-    )
+    setup = DriverSetup(driver, rules=RulesMode.OFF)
+    outcome, failed = run_child(mutant_of(child.text), parent, Path(child.file), setup)
     references = tuple(_reference(witness, case, parent, failed) for witness in WITNESSES)
     judgement = replace(outcome, references=references).responsibility
     if judgement is None:
@@ -144,11 +142,8 @@ def _judged(child: ChildOutcome, case: TestCase, parent: TestCase, driver: str, 
 
 def _reference(witness: str, case: TestCase, parent: TestCase, failed: RunResult) -> ReferenceRun:
     """Return a reference driver's run of a failing mutant."""
-
-    def before() -> Verdict:
-        return run_test_case(parent, witness, 0, rules=RulesMode.OFF).verdict
-
-    run, _ = driven(witness, case, before, failed.trace, seed=0, deadlines=DEADLINES, rules=RulesMode.OFF)
+    setup = DriverSetup(witness, rules=RulesMode.OFF)
+    run, _ = drive_failure(setup, case, lambda: setup.run(parent).verdict, failed.trace)
     return run
 
 

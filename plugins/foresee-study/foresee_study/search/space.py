@@ -12,7 +12,7 @@ from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.derive.operators import Operator, Situation, operators
 from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.derive.reach.settings import ReachSettings
+from foresee_dsl.derive.reach.rolling import ReachSettings
 from foresee_dsl.language.model import Change
 from foresee_dsl.simulate.results.goal import USUAL_SCALES
 from foresee_study.search.protocol import FAR, OBJECTIVES, Point
