@@ -44,8 +44,8 @@ def result_of(settings: CampaignSettings, half: Half, out: Path, jobs: int) -> C
     with Store(out / "store") as store:
         stages = Stages(of_half(load_test_cases([SCENARIOS]), half), settings, store, out)
         end = run_missing(stages, work=work, store=store, options=RunOptions(jobs=jobs), minimise=False)
-        assembly = assemble(stages, out)
-    return CampaignResult(settings, assembly.seeds, assembly.clips, 0.0, end.stopped, end.broken)
+        result, _ = assemble(stages, out)
+    return replace(result, interrupted=end.stopped, broken=end.broken)
 
 
 def row(result: CampaignResult) -> str:

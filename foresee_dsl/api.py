@@ -15,7 +15,7 @@ from typing import Any
 from foresee_dsl.campaign.assessment import DriverRun, assess_drivers
 from foresee_dsl.campaign.conformance.records import Conformance
 from foresee_dsl.campaign.conformance.suite import conform as _conform
-from foresee_dsl.campaign.driving import driven, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
@@ -81,8 +81,7 @@ def run(case: str | Path | TestCase, driver: str | Driver | type = "pdm", *, see
         with allowing([driver]):
             return run_test_case(test_case, driver, seed)
     loaded = driver() if isinstance(driver, type) else driver
-    meta = {"test_case": test_case.id, "meaning": test_case.meaning, "seed": seed, "driver": loaded.name}
-    return driven(test_case, lambda: loaded, loaded.name, seed, meta=meta)
+    return DriverSetup(loaded.name, seed).run(test_case, lambda: loaded)
 
 
 def assess(

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import COMMANDS, app
@@ -297,7 +297,7 @@ def test_the_examples_of_driver_ranker_and_operator_work(plugins: Path, scenario
     assert "start_speed" in operators()
     file = plugins / "p1.foresee"
     draft = clip_around(case, result.trace, replace(points[0], frame=60), file, before_s=1.0, after_s=1.0)
-    model, clip_case, clip_run, found = measure_clip(draft, case, result.trace, file, driver="lane_keeper", seed=0)
+    model, clip_case, clip_run, found = measure_clip(draft, case, result.trace, file, DriverSetup("lane_keeper"))
     assert found.largest_m < 0.1
     children = mutate(clip_case, model, clip_run.trace, preset=example_preset(), count=2, seed=0)
     assert children and all(change.property in ("speed", "delay") for m in children for change in m.changes)

@@ -53,10 +53,21 @@ def inputs_of_the_action() -> Iterable[tuple[str, ...]]:
         yield f"`{name}`", f"`{value['default']}`" if value["default"] else "", value["description"].rstrip(".")
 
 
+def options_of_faults() -> Iterable[tuple[str, ...]]:
+    from foresee_study.faults.__main__ import OPTIONS
+
+    for flag, option in OPTIONS.items():
+        default = option.get("default")
+        usual = f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
+        usual = {math.inf: "no bound", None: "off"}.get(default, usual)
+        yield f"`{flag}`", "all cores" if flag == "--jobs" else usual, option["help"]
+
+
 WRITTEN: dict[tuple[str, str], Callable[[], Iterable[tuple[str, ...]]]] = {
     ("guide/checking.md", "| lint | reports | severity | explanation |"): lints,
     ("guide/security.md", "| limit | default | what it limits |"): limits,
     ("guide/ci.md", "| input | default | meaning |"): inputs_of_the_action,
+    ("background/faults.md", "| option | default | meaning |"): options_of_faults,
 }
 """The rows of a table, by its page and its first line."""
 

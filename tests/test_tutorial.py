@@ -53,6 +53,9 @@ def test_the_package_offers_the_same_as_the_commands(project: Path, monkeypatch:
     )
     (record,) = fs.assess(address, "idm", jobs=1, seed=3)
     assert (record.digest, record.verdict) == (theirs.trace.digest, fs.Verdict.PASS)
+    # A Python prompt shows what a record is called and how a run ended, not its hundreds of kilobytes of content.
+    assert repr(case).startswith(f"TestCase(id={address!r}, meaning=") and len(repr(case)) < 400
+    assert repr(theirs).startswith("RunResult(verdict=<Verdict.PASS") and "trace=" not in repr(theirs)
     with pytest.raises(AttributeError, match="no attribute 'walk'"):
         fs.walk  # type: ignore[attr-defined]  # noqa: B018
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, TypedDict, assert_never
+from typing import TypedDict, assert_never
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.rounds import FIRST_WHY
@@ -25,7 +25,7 @@ from foresee_dsl.campaign.records import (
     Repeats,
     decode,
 )
-from foresee_dsl.campaign.results import sorted_outcomes
+from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.stages import FAILED, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
@@ -41,20 +41,9 @@ from foresee_dsl.simulate.trace import Trace
 _NO_FILE_NAME = re.compile(r"[^\w+-]")
 
 
-class Assembly(NamedTuple):
-    """The parts of a campaign's result.
-
-    Attributes:
-        seeds, clips: outcomes of test cases and clips, sorted by name. traces: the stored traces to copy into the
-          campaign's folder. The keys are their files in it. Each trace comes with the id that its test case has here if
-          another campaign stored the trace under another id, otherwise with "".
-        minimised: minimised representatives of the findings, sorted by name.
-    """
-
-    seeds: tuple[CaseRunOutcome, ...]
-    clips: tuple[ClipOutcome, ...]
-    traces: dict[str, tuple[str, str]]
-    minimised: tuple[Minimised, ...]
+Traces = dict[str, tuple[str, str]]
+"""The stored traces to copy into the campaign's folder, by their files in it. Each trace comes with the id that its
+test case has here if another campaign stored the trace under another id, otherwise with ""."""
 
 
 def reference_trace(file: str, driver: str) -> str:
@@ -63,8 +52,8 @@ def reference_trace(file: str, driver: str) -> str:
 
 
 @Part.FOLDER.measured
-def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
-    """Collect the results of all steps that have one.
+def assemble(stages: Stages, out: Path, *, failures: bool = False) -> tuple[CampaignResult, Traces]:
+    """Return the result of all steps that have one, without its wall time, and the traces of its runs.
 
     Args:
         stages: the steps. out: the campaign's folder.
@@ -73,7 +62,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     seeds: dict[StepNode, CaseRunOutcome] = {}
     clips: dict[StepNode, ClipOutcome] = {}
     children: dict[StepNode, dict[StepNode, ChildOutcome]] = {}
-    traces: dict[str, tuple[str, str]] = {}
+    traces: Traces = {}
     minimised: dict[StepNode, Minimised] = {}
     references: dict[StepNode | None, tuple[ReferenceRun, ...]] = {}
     for node, row in _results(stages, failures=failures):
@@ -118,10 +107,11 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> Assembly:
     )
     small = (_answered(small_finding, references.get(node, ())) for node, small_finding in minimised.items())
     by_name = tuple(sorted(small, key=lambda small_finding: small_finding.child.name))
-    return Assembly(*sorted_outcomes(completed.values(), whole), traces, by_name)
+    seed_runs, clip_runs = sorted_outcomes(completed.values(), whole)
+    return CampaignResult(stages.settings, seed_runs, clip_runs, 0.0, minimised=by_name), traces
 
 
-def _run_beside(node: StepNode, row: Row, driver: str) -> dict[str, tuple[str, str]]:
+def _run_beside(node: StepNode, row: Row, driver: str) -> Traces:
     """Return the stored trace of a reference driver's run; the key is the file, beside the failure's, that the trace
     gets. The result is empty if no trace is stored.
     """
@@ -241,5 +231,6 @@ def choose_representatives(stages: Stages) -> tuple[StepNode, ...]:
 
     With a shard, only its own findings count.
     """
-    findings = findings_of(assemble(stages, stages.out, failures=True))
+    result, _ = assemble(stages, stages.out, failures=True)
+    findings = findings_of(result.seeds, result.clips)
     return stages.choose({f.name for f in findings if isinstance(f.representative, ChildOutcome)})

@@ -10,13 +10,12 @@ from itertools import groupby
 
 import numpy as np
 
-from foresee_dsl.campaign.driving import TimedDriver, driven, longest_s, new_driver
+from foresee_dsl.campaign.driving import DriverSetup, TimedDriver, longest_s
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run, or_driver_error
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
@@ -191,7 +190,7 @@ def assess_drivers(
     with WorkerPool(jobs) as pool:
         pool.add(
             Task(f"{case.id} with {driver}",
-                 partial(or_driver_error, run_one, case.id, driver, deadlines=deadlines, rules=rules), seed,
+                 partial(or_driver_error, run_one, case.id), DriverSetup(driver, seed, deadlines, rules),
                  deadlines.for_run_s(longest_s(case)), key=str(k))
             for k, (case, driver) in enumerate(pairs)
         )  # fmt: skip
@@ -212,23 +211,15 @@ def assess_drivers(
     return tuple(runs)
 
 
-def run_one(
-    address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES, rules: RulesMode = RULES_MODE
-) -> DriverRun:
+def run_one(address: str, setup: DriverSetup) -> DriverRun:
     """Run one case with one driver."""
-    case, drivers = load_test_case(address), list[TimedDriver]()
-
-    def make() -> Driver:
-        drivers.append(TimedDriver(new_driver(driver, deadlines)))
-        return drivers[-1]
-
-    result = driven(case, make, driver, seed, meta={"driver": driver}, deadlines=deadlines, rules=rules)
-    timed = drivers[-1]  # if a run was repeated for a check, the last run counts
+    case = load_test_case(address)
+    result, timed = setup.run_in(TimedDriver, case)
     return DriverRun.of(
         result,
         case=case.id,
         family=case.family,
-        driver=driver,
+        driver=setup.driver,
         version=timed.version,
         way_m=float(np.nansum(result.trace.states[:, 0, SPEED])) * STEP_S,
         hard_brakings=hard_brakings(result.trace),

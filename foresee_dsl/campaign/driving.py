@@ -1,15 +1,14 @@
-"""Compiles and simulates one test case with a driver; also times the driver, names the test case's files and bounds its
+"""Compiles and simulates test cases with a driver; also times the driver, names a test case's files and bounds its
 simulated time."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.execution.processes import end_below_this
@@ -32,7 +31,7 @@ from foresee_dsl.drivers.protocol import (
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
-from foresee_dsl.language.model import End, Origin, Quantity
+from foresee_dsl.language.model import End, Quantity
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
@@ -48,6 +47,89 @@ The result of the repeated run counts.
 """
 
 
+Wrapper = TypeVar("Wrapper", bound=Driver)
+
+
+@dataclass(frozen=True)
+class DriverSetup:
+    """A driver, and how it drives test cases.
+
+    Attributes:
+        driver: its address, which determines its sensors. seed: seed of all random choices of a run.
+        deadlines: limits of wall time; None: no limits. rules: what a broken traffic rule means.
+    """
+
+    driver: str
+    seed: int = 0
+    deadlines: Deadlines | None = DEADLINES
+    rules: RulesMode = RULES_MODE
+
+    def run(self, case: TestCase, make: Callable[[], Driver] | None = None) -> RunResult:
+        """Compile a test case and simulate it with a new driver, or with the one that `make` returns.
+
+        The driver's changes to the process are undone.
+        """
+        bundle, ideal = compile_test_case(case), ideal_parts(self.driver)
+        meta = {
+            "test_case": case.id,
+            "meaning": case.meaning,
+            "tool": __version__,
+            "seed": self.seed,
+            "driver": self.driver,
+        }
+
+        def with_parts(parts: frozenset[DriverPart], futures: Trace | None = None) -> RunResult:
+            driver_made = make() if make is not None else new_driver(self.driver, self.deadlines)
+            # A driver's package may draw random numbers when it is imported, which happens only in the first run of a
+            # process.
+            seed_globals(self.seed)
+            return run(bundle, driver_made, seed=self.seed, meta=meta, sensors=sensors_of(self.driver),
+                       deadlines=self.deadlines, rules=self.rules, goal=case.goal, ideal=parts,
+                       futures=futures)  # fmt: skip
+
+        def once() -> RunResult:
+            if DriverPart.PREDICTION not in ideal:
+                return with_parts(ideal)
+            # The ideal prediction is read from a run. Because the other actors react to the ego, it is made twice:
+            # first from the run without the ideal prediction, then from the run with it.
+            first = with_parts(ideal - {DriverPart.PREDICTION})
+            second = with_parts(ideal, first.trace)
+            return with_parts(ideal, second.trace) if second.verdict.is_failure else second
+
+        with put_back(self.seed) as changed:
+            try:
+                began_s, most_s = time.monotonic(), (self.deadlines or DEADLINES).for_run_s(longest_s(case))
+                with one_run() as to_be_checked:
+                    result = once()
+                # A run that took half of its deadline leaves no time for a second one; a later run is checked instead.
+                if time.monotonic() - began_s < most_s / 2 and to_be_checked():
+                    with nothing_kept():
+                        again = once()
+                    if not _same(result, again):
+                        forget()
+                        result = again
+                        changed.append(REMEMBERS)
+            finally:
+                changed.extend(_left_behind())
+        return replace(result, notes=replace(result.notes, changed=tuple(changed))) if changed else result
+
+    def run_in(
+        self, wrapper: Callable[[Driver], Wrapper], case: TestCase, make: Callable[[], Driver] | None = None
+    ) -> tuple[RunResult, Wrapper]:
+        """Run a test case with a driver in a wrapper; return the run, and the wrapper of its driver.
+
+        If the run is repeated for a check, the last run counts.
+        """
+        wrappers: list[Wrapper] = []
+
+        def wrapped() -> Wrapper:
+            wrappers.append(wrapper(make() if make is not None else new_driver(self.driver, self.deadlines)))
+            return wrappers[-1]
+
+        result = self.run(case, wrapped)
+        return result, wrappers[-1]
+
+
 def run_test_case(
     case: TestCase,
     driver: str,
@@ -56,65 +138,8 @@ def run_test_case(
     deadlines: Deadlines | None = DEADLINES,
     rules: RulesMode = RULES_MODE,
 ) -> RunResult:
-    """Compile a test case and simulate it with a fresh driver; `rules`: what a broken traffic rule means."""
-    meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    make = partial(new_driver, driver, deadlines)
-    return driven(case, make, driver, seed, meta=meta, deadlines=deadlines, rules=rules)
-
-
-def driven(
-    case: TestCase,
-    make: Callable[[], Driver],
-    driver: str,
-    seed: int,
-    *,
-    meta: Mapping[str, Any],
-    deadlines: Deadlines | None = DEADLINES,
-    rules: RulesMode = RULES_MODE,
-) -> RunResult:
-    """Compile a test case and simulate it with the driver that `make` returns.
-
-    Undo the driver's changes to the process.
-
-    `driver`: its address, which determines its sensors. `meta`: becomes part of the trace's metadata.
-    """
-    bundle = compile_test_case(case)
-
-    ideal = ideal_parts(driver)
-
-    def with_parts(parts: frozenset[DriverPart], futures: Trace | None = None) -> RunResult:
-        driver_made = make()
-        # A driver's package may draw random numbers when it is imported, which happens only in the first run of a
-        # process.
-        seed_globals(seed)
-        return run(bundle, driver_made, seed=seed, meta=meta, sensors=sensors_of(driver), deadlines=deadlines,
-                   rules=rules, goal=case.goal, ideal=parts, futures=futures)  # fmt: skip
-
-    def once() -> RunResult:
-        if DriverPart.PREDICTION not in ideal:
-            return with_parts(ideal)
-        # The ideal prediction is read from a run. Because the other actors react to the ego, it is made twice: first
-        # from the run without the ideal prediction, then from the run with it.
-        first = with_parts(ideal - {DriverPart.PREDICTION})
-        second = with_parts(ideal, first.trace)
-        return with_parts(ideal, second.trace) if second.verdict.is_failure else second
-
-    with put_back(seed) as changed:
-        try:
-            began_s, most_s = time.monotonic(), (deadlines or DEADLINES).for_run_s(longest_s(case))
-            with one_run() as to_be_checked:
-                result = once()
-            # A run that took half of its deadline leaves no time for a second one; a later run is checked instead.
-            if time.monotonic() - began_s < most_s / 2 and to_be_checked():
-                with nothing_kept():
-                    again = once()
-                if not _same(result, again):
-                    forget()
-                    result = again
-                    changed.append(REMEMBERS)
-        finally:
-            changed.extend(_left_behind())
-    return replace(result, notes=replace(result.notes, changed=tuple(changed))) if changed else result
+    """Compile a test case and simulate it with a fresh driver; see `DriverSetup`."""
+    return DriverSetup(driver, seed, deadlines, rules).run(case)
 
 
 def _same(first: RunResult, other: RunResult) -> bool:
@@ -174,10 +199,11 @@ def notes_of(result: RunResult) -> DriverNotes:
     return result.notes if result.verdict is not Verdict.PASS else DriverNotes(changed=result.notes.changed)
 
 
-def recorded_run(origin: Origin | None) -> tuple[str, int]:
-    """Return the driver and seed that a mutant's file records; by default `pdm` and 0."""
+def recorded_setup(case: TestCase | None) -> DriverSetup:
+    """Return the driver and seed that the file of a mutant records; by default `pdm` and 0."""
+    origin = case.mutant.origin if case is not None and case.mutant is not None else None
     driver = recorded_address((origin.driver if origin else None) or "pdm")
-    return driver, int(origin.seed.value) if origin and origin.seed else 0
+    return DriverSetup(driver, int(origin.seed.value) if origin and origin.seed else 0)
 
 
 def case_name(case: TestCase) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shlex
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -22,7 +21,7 @@ from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of, top
 from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import OPERATORS
 from foresee_dsl.drivers.process_state import put_back
-from foresee_dsl.drivers.registry import DRIVERS, load_driver, name_in
+from foresee_dsl.drivers.registry import DRIVERS, files_in, load_driver, name_in
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
@@ -60,8 +59,8 @@ def driver_identity(address: str) -> str:
     with put_back(0):
         driver = load_driver(address)
     weights = str(getattr(driver, "weights_hash", "") or "")
-    argument = address.partition(":")[2]
-    parts = [address, driver.version, weights, _plugin(DRIVERS, name_in(address)), _files_named(argument)]
+    files = " ".join(map(_digest, files_in(address)))
+    parts = [address, driver.version, weights, _plugin(DRIVERS, name_in(address)), files]
     if top_of(DRIVERS.find(name_in(address)).module) != "foresee_dsl":
         parts.append(views_identity())
     return json.dumps(parts)
@@ -126,14 +125,6 @@ def _imports(file: Path) -> set[str]:
     with suppress(SyntaxError, ValueError):  # a file that this version of Python cannot parse has no imports
         return set(imports_of(file.read_bytes()))
     return set()
-
-
-def _files_named(argument: str) -> str:
-    try:
-        words = shlex.split(argument)
-    except ValueError:
-        words = [argument]
-    return " ".join(_digest(Path(word)) for word in words if word and Path(word).is_file())
 
 
 def _digest(place: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.mutants import driver_of
@@ -25,10 +25,8 @@ def mutate_file(
     model = clip_case.clip
     if model is None or clip_case.mutant is not None:
         raise ForeseeError(f"{file} is not a clip: write one with `foresee clip`")
-    result = run_test_case(clip_case, driver, seed)
+    setup = DriverSetup(driver, seed)
+    result = setup.run(clip_case)
     drove = driver_of(result.trace, driver)
     mutants = mutate(clip_case, model, result.trace, preset=preset, count=count, seed=seed, driver=drove)
-    return tuple(
-        run_child(mutant, clip_case, file.parent / f"{mutant.name}.foresee", driver=driver, seed=seed)[0]
-        for mutant in mutants
-    )
+    return tuple(run_child(mutant, clip_case, file.parent / f"{mutant.name}.foresee", setup)[0] for mutant in mutants)

@@ -145,15 +145,13 @@ class Draft:
     """A clip that has not been run yet.
 
     Attributes:
-        rank: rank of its risky point. text: its file. name, parent, case: the names in its first line.
+        rank: rank of its risky point. text: its file. name: its name.
         pin: the pin for its mutants. risk: hash of its `risk` line, which determines its mutations.
     """
 
     rank: int
     text: str
     name: str
-    parent: str
-    case: str
     pin: str
     risk: str
 

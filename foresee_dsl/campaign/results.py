@@ -229,7 +229,7 @@ class CampaignResult:
             name=self.settings.goal,
             test_cases=sum(seed.breaks_goal for seed in self.seeds),
             children=sum(child.breaks_goal for child in children),
-            findings=sum(finding.breaks_goal for finding in self.findings),
+            findings=sum(finding.run.breaks_goal for finding in self.findings),
             others=sum(child.verdict.is_failure and not child.breaks_goal for child in children),
         )
 
@@ -246,7 +246,7 @@ class CampaignResult:
         small = {record.child.name: record for record in self.minimised}
         return in_order(
             replace(finding, minimised=small.get(finding.name), repeats=self.repeats.get(finding.name))
-            for finding in findings_of(self)
+            for finding in findings_of(self.seeds, self.clips)
         )
 
     @property

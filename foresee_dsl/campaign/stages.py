@@ -98,7 +98,7 @@ class Stages:
             operators_identity(),
             tuple((driver, judged_identity(driver, settings.rules)) for driver in settings.against),
             key,
-            EarlierMutants.in_folder(Path(settings.first_from), but=out) if settings.first_from else None,
+            EarlierMutants.in_folder(Path(settings.first_from), but=out).requests if settings.first_from else None,
         )
         self._after: dict[StepNode, tuple[StepNode, ...]] = {}
         """For each visited step, the steps that follow from it; a step is visited before and after it has run."""

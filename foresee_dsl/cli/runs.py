@@ -80,6 +80,7 @@ def run(
     """
     del strict  # existing scripts may still pass it
     profiler = ctx.with_resource(profiling()) if profile else None
+    from foresee_dsl.campaign.driving import DriverSetup
     from foresee_dsl.campaign.execution.runs import run_cases, run_here
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.drivers.deadlines import Deadlines
@@ -94,14 +95,10 @@ def run(
         cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
         if mistakes := placement_mistakes(cases):
             raise InputError(mistakes)
-    deadlines = Deadlines(step_deadline, deadline)
+    setup = DriverSetup(driver, seed, Deadlines(step_deadline, deadline), rules)
     if profiler is not None:
         profiler.ready()
-    runs = (
-        (run_here(case, driver, seed=seed, rules=rules) for case in cases)
-        if debug
-        else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines, rules=rules, profiler=profiler)
-    )
+    runs = (run_here(case, setup) for case in cases) if debug else run_cases(cases, setup, jobs=jobs, profiler=profiler)
     done = []
     for case_run in runs:
         done.append(case_run)
@@ -237,7 +234,7 @@ def clip(
 
     [dim]foresee clip runs/red_light_runner_r01.npz --rank 2 --out clips[/dim]
     """
-    from foresee_dsl.campaign.driving import case_name
+    from foresee_dsl.campaign.driving import DriverSetup, case_name
     from foresee_dsl.campaign.steps.clip import measure_clip
     from foresee_dsl.campaign.steps.forecast import clip_around
     from foresee_dsl.derive.clipping.clip import DRIVES_S
@@ -265,7 +262,7 @@ def clip(
         model = clip_around(case, loaded, point, file, before_s=before, after_s=after, handover_s=handover)
     except ValueError as err:
         raise ForeseeError(str(err)) from err
-    model, _, _, fidelity_of_clip = measure_clip(model, case, loaded, file, driver=driver, seed=run_seed)
+    model, _, _, fidelity_of_clip = measure_clip(model, case, loaded, file, DriverSetup(driver, run_seed))
     write_whole(file, print_model(model))
     if json:
         from foresee_dsl.documents import plain

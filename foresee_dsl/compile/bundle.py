@@ -150,15 +150,6 @@ def _is_light(state: str, light: str | None) -> bool:
     return light is None or letters <= set("rs")
 
 
-@dataclass(frozen=True)
-class Steering:
-    """A steering offset: share of the maximum angle (left positive), from `start_s` for `duration_s` or to the end."""
-
-    value: float
-    start_s: float
-    duration_s: float | None
-
-
 @dataclass(frozen=True, slots=True)
 class RecordedState:
     """A recorded state of the ego, `time_s` after the first frame. x, y: middle of the front bumper, m. heading_rad:
@@ -238,7 +229,8 @@ class PlacedActor:
         delay_s: how much later than otherwise it starts to move.
         timing: factor of its speed along its own path.
         line_m: its distance to the left of its lane's middle (the points of a path include it already).
-        strays: another `line_m` for a time. brakes: deceleration for a time, m/s^2.
+        strays: another `line_m` for a time. brakes: deceleration for a time, m/s^2. steering: offset of the steering
+            for a time, as a share of the largest angle, left positive.
         recorded: the states that the ego follows before its driver takes over, in the order of time.
     """
 
@@ -264,7 +256,7 @@ class PlacedActor:
     strays: TimedValue | None = None
     brakes: TimedValue | None = None
     recorded: tuple[RecordedState, ...] = ()
-    steering: Steering | None = None
+    steering: TimedValue | None = None
     joins: bool = False
     """True if it continues along `route` at the end of `path`."""
     backs_mps: float = 0.0

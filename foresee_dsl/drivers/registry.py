@@ -13,6 +13,7 @@ import re
 import shlex
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
@@ -76,6 +77,19 @@ def _can_be_made(name: str) -> bool:
 def name_in(address: str) -> str:
     """Return the name of the driver in an address, without its argument."""
     return without_ideal(address.partition(":")[0])
+
+
+def files_in(address: str) -> tuple[Path, ...]:
+    """Return the existing files that the argument of an address names: words of a command line, or the file of a
+    class (`my_driver.py:MyDriver`).
+    """
+    argument = address.partition(":")[2]
+    try:
+        words = shlex.split(argument)
+    except ValueError:  # not a command line
+        words = [argument]
+    places = (next(filter(Path.is_file, map(Path, (word, word.rpartition(":")[0]))), None) for word in words)
+    return tuple(file for file in places if file is not None)
 
 
 def sees_all(address: str) -> bool:

@@ -12,14 +12,12 @@ from foresee_dsl.editor.files import Definition, Files
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
 from foresee_dsl.editor.symbols import kind_named
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.results import is_number
 from foresee_dsl.language.keywords import KEYWORDS
-from foresee_dsl.language.messages.words import EXAMPLES
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX, TRACKS
 from foresee_dsl.language.syntax.node import Node
-from foresee_dsl.language.units import UNITS, Dimension
+from foresee_dsl.language.units import EXAMPLES, UNITS, Dimension, dimension_of
 
 _MOST_FILES = 500
 """Maximum number of files offered. Ours: people do not read more, and the list is sent with every letter."""
@@ -192,11 +190,11 @@ def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
     dimension = _dimension(files, path, slot)
     model = "model" in above.fields
     assignment = next((node for node in slot.above if node.kind is m.Assignment), None)
-    if assignment is not None and not is_number(files.type_of(path, str(assignment.fields.get("name")))):
+    if assignment is not None and dimension_of(files.type_of(path, str(assignment.fields.get("name")))) is None:
         return  # a word
     for name, definition in files.definitions(path, "parameter").items():
         type_ = definition.occurrence.owner.fields.get("type")
-        free = dimension is None and not model and (above.kind not in _CALCULATIONS or is_number(str(type_)))
+        free = dimension is None and not model and (above.kind not in _CALCULATIONS or dimension_of(type_) is not None)
         if type_ == ("model" if model else dimension) or free:
             yield Suggestion(name, "name", _describe(definition))
 
@@ -214,17 +212,12 @@ def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
         if not isinstance(left, Node) or field != "right":
             return None
         if left.kind is m.Ref:
-            return _of_parameter(files.type_of(path, str(left.fields.get("name"))))
+            return dimension_of(files.type_of(path, str(left.fields.get("name"))))
         return m.MEASURED.get(str(left.fields.get("what")))
     if above.kind in (m.Param, m.Range, m.Assignment):
         owner = above if above.kind is not m.Range else outer[-2]
-        type_ = owner.fields.get("type") or files.type_of(path, str(owner.fields.get("name")))
-        return _of_parameter(str(type_))
+        return dimension_of(owner.fields.get("type") or files.type_of(path, str(owner.fields.get("name"))))
     return form_of(above.kind, field).dimension
-
-
-def _of_parameter(type_: str) -> Dimension | None:
-    return next((dimension for dimension in EXAMPLES if dimension == type_), None)
 
 
 _CALCULATIONS = get_args(m.Expression)

@@ -22,7 +22,8 @@ from foresee_dsl.editor.session import SOURCE, Session, is_file, path_of, with_h
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.codes import NEED_THE_NETWORK
-from foresee_dsl.language.parser import format_text
+from foresee_dsl.language.parser import format_text, plain
+from foresee_dsl.language.syntax.scan import Lines
 
 # Numbers of the protocol (3.17): CompletionItemKind, SymbolKind.
 _ITEMS = {"keyword": 14, "constant": 20, "unit": 11, "value": 12, "name": 6, "file": 17, "type": 25}
@@ -192,7 +193,7 @@ def folding_ranges(session: Session, params: Json) -> list[Json]:
 def code_actions(session: Session, params: Json) -> list[Json]:
     """Return the quick fixes of the diagnostics at a place."""
     uri = _uri(params)
-    places, path, overlay = session.positions(uri), path_of(uri), session.overlay()
+    text, places, path, overlay = session.text(uri), session.positions(uri), path_of(uri), session.overlay()
 
     @cache
     def check_text(text: str, placed: bool) -> tuple[Diagnostic, ...]:
@@ -200,17 +201,17 @@ def code_actions(session: Session, params: Json) -> list[Json]:
         every = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
         return tuple(diagnostic for diagnostic in every if diagnostic.path == str(path))
 
-    adapt = with_names_of(path, overlay)
+    adapt, lines = with_names_of(path, overlay), Lines(plain(text))
     actions = []
     for diagnostic in params["context"]["diagnostics"]:
         if diagnostic.get("source") != SOURCE:
             continue
         span = places.span(diagnostic["range"])
         check = partial(check_text, placed=str(diagnostic.get("code", "")).startswith(NEED_THE_NETWORK))
-        meant = _meant(diagnostic, span, check(session.text(uri)))
-        offered = fixes(meant, span, places, check, adapt) if meant is not None else ()
+        meant = _meant(diagnostic, span, check(text))
+        offered = fixes(meant, span, text, check, adapt) if meant is not None else ()
         for k, fix in enumerate(offered):
-            edit = {"changes": {uri: [{"range": places.range(fix.span), "newText": fix.text}]}}
+            edit = {"changes": {uri: [{"range": places.range(lines.span(fix.start, fix.end)), "newText": fix.text}]}}
             action: Json = {"title": fix.title, "kind": "quickfix", "diagnostics": [diagnostic], "edit": edit}
             actions.append({**action, "isPreferred": k == 0 and len(offered) == 1})
     return actions

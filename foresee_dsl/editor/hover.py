@@ -156,7 +156,8 @@ def _describe_expression(files: Files, path: Path, line: int, column: int) -> tu
     """Return a description of the outermost expression at a place (1-based), and its span; None without an
     expression."""
     root = files.root(path)
-    node = _expression_at(root, line, column) if root is not None else None
+    expressions = _expressions(root) if root is not None else ()
+    node = next((node for node in expressions if _holds(node.span, line, column)), None)
     value = Builder(partial=True).build(node) if node is not None else None
     if node is None or not isinstance(value, m.Expression):
         return None
@@ -192,7 +193,7 @@ def _expressions(node: Node) -> Iterator[Node]:
     if node.kind in get_args(m.Expression):
         yield node
         return
-    for part in _parts(node):
+    for part in node.parts:
         yield from _expressions(part)
 
 
@@ -209,20 +210,6 @@ def _description(value: m.Expression, types: dict[str, m.ParamType], values: dic
         return f"{error.message} (with the defaults)" if any(references(value)) else error.message
     by_default = " with the defaults" if any(references(value)) else ""
     return f"`{written(value)}` is `{result}`{by_default}, {in_words(powers)}"
-
-
-def _expression_at(node: Node, line: int, column: int) -> Node | None:
-    """Return the outermost expression that contains a place."""
-    if node.kind in get_args(m.Expression) and _holds(node.span, line, column):
-        return node
-    return next((inner for part in _parts(node) if (inner := _expression_at(part, line, column)) is not None), None)
-
-
-def _parts(node: Node) -> Iterator[Node]:
-    for value in node.fields.values():
-        for part in value if isinstance(value, tuple) else (value,):
-            if isinstance(part, Node):
-                yield part
 
 
 def _holds(span: Span, line: int, column: int) -> bool:

@@ -121,7 +121,7 @@ class Server:
         return handle
 
     def _page(self, params: Json) -> Json:
-        from foresee_dsl.report.picture.answer import page_of
+        from foresee_dsl.report.picture.draw import page_of
 
         nonce = str(params.get("nonce", ""))
         if not nonce.replace("-", "").replace("_", "").isalnum():
@@ -148,7 +148,7 @@ class Server:
 
 def _picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
     """Return the picture of a file with the editor's texts, or its errors."""
-    from foresee_dsl.report.picture.answer import answer
+    from foresee_dsl.report.picture.draw import answer
 
     return answer(
         path,

@@ -176,11 +176,7 @@ def folds(text: str) -> tuple[tuple[int, int, str], ...]:
 
 def _entries(node: Node, lines: list[str]) -> tuple[Entry, ...]:
     """Return the entry of a node; if the node has none, the entries inside it."""
-    inside: list[Entry] = []
-    for value in node.fields.values():
-        for part in value if isinstance(value, tuple) else (value,):
-            if isinstance(part, Node):
-                inside += _entries(part, lines)
+    inside = [entry for part in node.parts for entry in _entries(part, lines)]
     inside.sort(key=lambda entry: (entry.span.line, entry.span.column))
     kind = node.kind
     name = node.fields.get("name")

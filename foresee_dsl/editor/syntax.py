@@ -59,7 +59,5 @@ def walk(node: Node, above: tuple[Node, ...] = ()) -> Iterator[tuple[Node, tuple
     """Yield a node and all nodes in it, each with the nodes above it, outermost first, in the order of the file."""
     yield node, above
     inner = (*above, node)
-    for value in node.fields.values():
-        for part in value if isinstance(value, tuple) else (value,):
-            if isinstance(part, Node):
-                yield from walk(part, inner)
+    for part in node.parts:
+        yield from walk(part, inner)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from foresee_dsl.campaign.driving import recorded_run, run_test_case
+from foresee_dsl.campaign.driving import recorded_setup, run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.exchange.outcome import ExchangeError
@@ -56,9 +56,9 @@ def driver_and_seed(case: TestCase, driver: str, seed: int | None) -> tuple[str,
     Raises:
         ExchangeError: the mutant records a program, which the export of a received file must not start.
     """
-    recorded, number = recorded_run(case.mutant.origin if case.mutant is not None else None)
-    if not driver and ":" in recorded:
+    recorded = recorded_setup(case)
+    if not driver and ":" in recorded.driver:
         raise ExchangeError(
-            f"recorded with a program as its driver ({recorded}): write it, or another driver, with --driver"
+            f"recorded with a program as its driver ({recorded.driver}): write it, or another driver, with --driver"
         )
-    return driver or recorded, number if seed is None else seed
+    return driver or recorded.driver, recorded.seed if seed is None else seed

@@ -215,7 +215,7 @@ def wheels(x: float, y: float, heading: float, front: float, rear: float, left: 
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT, BYTE_TABLE)
 def all_whole(points: FloatArray, left: float, bottom: float, cell: float, squares: Bytes) -> bool:
-    """Return whether all points ([N, 2] m) lie in squares with the state `WHOLE`; see `drivable_area.Squares`."""
+    """Return whether all points ([N, 2] m) lie in squares with the state `WHOLE`; see `outcome.Squares`."""
     for k in range(points.shape[0]):
         column, row = np.floor((points[k, 0] - left) / cell), np.floor((points[k, 1] - bottom) / cell)
         if not (0 <= column < squares.shape[0] and 0 <= row < squares.shape[1]):  # true for NaN, too
@@ -233,7 +233,7 @@ def drives_on(
 
     `states`: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. `sizes`: [K, 2] length, width
     of the others.
-    `ego`: [5] its length and width, then `front`, `rear`, `left` of `wheels`. The rest: see `drivable_area.Squares`.
+    `ego`: [5] its length and width, then `front`, `rear`, `left` of `wheels`. The rest: see `outcome.Squares`.
     """
     if _hits(posed(states[0], ego), states[1:], sizes).size > 0:
         return False

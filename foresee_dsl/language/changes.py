@@ -21,7 +21,6 @@ from foresee_dsl.language.project.catalogues import check_model, cruise_speed_mp
 from foresee_dsl.language.project.concretise import complaint, same_kind
 from foresee_dsl.language.traversal import mapped, parts
 
-_T = TypeVar("_T")
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 Participant = m.Ego | m.Actor
 _Value = m.ParamValue | m.Ref | m.Expression
@@ -132,7 +131,7 @@ def _of_actor(
     if isinstance(actor, m.Ego) and not rule.for_ego:
         message = f"the ego's {change.property} cannot change, because the driver under test drives it"
         raise _RefusedError("actor", "FS124", message, "name another actor")
-    if isinstance(actor, m.Actor) and _item_of(actor, m.Track) is not None:
+    if isinstance(actor, m.Actor) and actor.first(m.Track) is not None:
         _check_beside_track(change, rule)
     has = _had(actor, change.property, rule)
     if has is None:
@@ -162,7 +161,7 @@ def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.Vehi
     old model's cruise speed walks 10 % faster than the new one's, at most at the new model's top speed. A scenario
     states a cruise speed only where the author means that speed, so it stays.
     """
-    cruise = _item_of(actor, m.CruiseSpeed)
+    cruise = actor.first(m.CruiseSpeed)
     if actor.state is None or cruise is None or not isinstance(cruise.speed, m.Quantity) or was is None or now is None:
         return actor
     old, new, top = cruise_speed_mps(was), cruise_speed_mps(now), now.max_speed
@@ -256,10 +255,6 @@ def _with(item: _ItemT, /, **fields: object) -> _ItemT:
 # ---- actors ---------------------------------------------------------------------------------------------------------
 
 
-def _item_of(actor: Participant, kind: type[_T]) -> _T | None:
-    return next((item for item in actor.body if isinstance(item, kind)), None)
-
-
 def _replaced(actor: Participant, item: m.ActorItem) -> Participant:
     return _with(actor, body=(*(other for other in actor.body if not isinstance(other, type(item))), item))
 
@@ -271,7 +266,7 @@ def _had(actor: Participant, name: str, rule: m.Property) -> _Value | None:
     if name == "speed" and actor.state is not None:
         return _value(actor.state.speed)
     kind, field = rule.statement
-    item = _item_of(actor, kind)
+    item = actor.first(kind)
     if rule.words and item is None:
         return rule.words[0]
     return _value(getattr(item, field)) if item is not None else rule.default

@@ -25,19 +25,9 @@ for the rounding of a conversion (`50 km/h` is 13.888888888... m/s)."""
 
 _HASH_DIGITS = 12
 _NO_MEANING = (
-    m.Doc,
-    m.Tags,
-    m.Expected,
-    m.Risk,
-    m.Fidelity,
-    m.UseNetwork,
-    m.UseModels,
-    m.UseTracks,
-    m.Network,
-    m.Param,
-    m.Case,
-    m.Cases,
-    m.Require,
+    *m.FOR_PEOPLE,
+    *(m.UseNetwork, m.UseModels, m.UseTracks, m.Network),
+    *(m.Param, m.Case, m.Cases, m.Require),
 )
 """Statements of a scenario or clip that the hash's part for the scenario omits (the network, the models and the tracks
 have parts of their own in the hash)."""

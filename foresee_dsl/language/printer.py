@@ -22,6 +22,9 @@ _NAME = re.compile(NAME_PATTERN)
 _DOTTED = re.compile(rf"{NAME_PATTERN}\.{NAME_PATTERN}")
 _NO_NAMES: frozenset[str] = frozenset()
 INDENT = "  "
+_MOST_INLINE = 4
+"""Maximum number of settings of a road or a case on one line (ours; a number, not a width, so that an edit of a value
+never changes the line breaks)."""
 _FILES = (m.UseNetwork, m.UseModels, m.UseTracks)
 _TOGETHER = ((m.Doc, m.Tags), _FILES, (m.Ego, m.Goal), (m.Expect, m.End), (m.Window, m.Risk))
 """Statements that stand together, without a blank line between them, in files that the tool writes; other statements
@@ -173,7 +176,8 @@ def layout(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> Layout:
     inside += [((pattern.body, k), inner) for k, inner in enumerate(getattr(item, pattern.body, ()))]
     braces = pattern.braces == "always" or (pattern.braces == "filled" and bool(inside))
     head = _phrase(pattern.head, item, parameters)
-    return Layout(head, inside if braces else None, item.fits_one_line(len(inside)))
+    spread = item.one_line_without is None or any(getattr(item, field) for field in item.one_line_without)
+    return Layout(head, inside if braces else None, inline=not spread and len(inside) <= _MOST_INLINE)
 
 
 def _held(word: str, item: m.Item, parameters: frozenset[str]) -> Layout:

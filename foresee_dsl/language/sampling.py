@@ -379,7 +379,7 @@ class Coverage:
 
 def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
     """Return how much of the ranges some cases cover; a parameter that a case does not set has its default."""
-    values = [values_of(scenario, case) for case in cases]
+    values = [case_values(scenario, case) for case in cases]
     axes = [axis for param in scenario.all(m.Param) if (axis := axis_of(param)) is not None]
     taken = {axis.name: [axis.position(each[axis.name]) for each in values] for axis in axes}
     reaches = tuple(_reach(axis, [k for k in taken[axis.name] if k is not None]) for axis in axes if cases)
@@ -389,11 +389,6 @@ def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
         both = zip(taken[first.name], taken[second.name], strict=True)
         reached += len({(_part(first, a), _part(second, b)) for a, b in both if a is not None and b is not None})
     return Coverage(len(cases), len({repr(each) for each in values}), reaches, reached, total)
-
-
-def values_of(scenario: m.Scenario, case: m.Case) -> Mapping[str, m.ParamValue]:
-    """Return the value of every parameter in a case, in the order of the file."""
-    return case_values(scenario, case)
 
 
 def _reach(axis: Axis, taken: list[int]) -> Reach:

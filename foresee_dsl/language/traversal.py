@@ -44,6 +44,23 @@ def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:
             yield name, value
 
 
+def changed_fields(item: m.Item, change: Callable[[str, object], object]) -> dict[str, object]:
+    """Return the new values of those fields of an item that `change` replaces, by name.
+
+    `change` gets a field's name and its value, or one by one the elements of a tuple; it returns the same object for a
+    value that stays.
+    """
+    changed: dict[str, object] = {}
+    for name, value in vars(item).items():
+        if type(value) is tuple:
+            parts = tuple(change(name, part) for part in value)
+            if any(new is not old for new, old in zip(parts, value, strict=True)):
+                changed[name] = parts
+        elif (new := change(name, value)) is not value:
+            changed[name] = new
+    return changed
+
+
 def is_condition(value: object) -> TypeGuard[m.Condition]:
     """Return whether a value is a condition of any class."""
     return isinstance(value, _KINDS)

@@ -1,13 +1,36 @@
-"""Units of measurement: every quantity in a file has one, and inside the tool every value is in SI units."""
+"""Dimensions and units of measurement: every quantity in a file has a unit, and inside the tool every value is in SI
+units."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, get_args
 
 Dimension = Literal["time", "length", "speed", "acceleration", "angle", "angular_rate", "mass", "ratio", "count"]
+
+_WORDS: Mapping[Dimension, tuple[str, str]] = {
+    "time": ("a time", "2.5 s"),
+    "length": ("a length", "12 m"),
+    "speed": ("a speed", "50 km/h"),
+    "acceleration": ("an acceleration", "3 m/s^2"),
+    "angle": ("an angle", "15 deg"),
+    "angular_rate": ("a turning rate", "300 deg/s"),
+    "mass": ("a mass", "1200 kg"),
+    "ratio": ("a plain number", "0.3"),
+    "count": ("a whole number", "2"),
+}
+NOUNS: Mapping[Dimension, str] = MappingProxyType({dimension: noun for dimension, (noun, _) in _WORDS.items()})
+"""The name of each dimension in messages, with its article."""
+EXAMPLES: Mapping[Dimension, str] = MappingProxyType({dimension: value for dimension, (_, value) in _WORDS.items()})
+"""An example value of each dimension, for messages."""
+
+
+def dimension_of(word: object) -> Dimension | None:
+    """Return the dimension that a word names, such as the type of a parameter; None for any other word."""
+    return next((dimension for dimension in NOUNS if dimension == word), None)
 
 
 @dataclass(frozen=True, slots=True)

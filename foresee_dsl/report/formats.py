@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.errors import Diagnostic, ForeseeError
 from foresee_dsl.plugins import PluginGroup
@@ -70,16 +70,8 @@ class CommandReport:
         return rules()
 
 
-class ReportFormat(Protocol):
-    """Converts a report to text, which is written to standard output or to the file of `--output`."""
-
-    def __call__(self, report: CommandReport, /) -> str:
-        """Return the report as text."""
-        ...
-
-
-def _json(report: CommandReport) -> str:
-    return report.data()
+ReportFormat = Callable[[CommandReport], str]
+"""Converts a report to text, which is written to standard output or to the file of `--output`."""
 
 
 def _junit(report: CommandReport) -> str:
@@ -107,7 +99,7 @@ def _concise(report: CommandReport) -> str:
 
 
 OURS: Mapping[str, ReportFormat] = MappingProxyType(
-    {"json": _json, "junit": _junit, "github": _github, "sarif": _sarif, "concise": _concise}
+    {"json": lambda report: report.data(), "junit": _junit, "github": _github, "sarif": _sarif, "concise": _concise}
 )
 
 

@@ -53,17 +53,13 @@ class Finding(FindingEntry):
 
     def playback(self) -> Playback:
         """Return the finding's part of the report, with its playback."""
-        contents = Contents(self.name, self.title, f"driver {self.driver}", (self._entry,), ())
+        contents = Contents(self.name, self.title, f"driver {self.driver}", (self,), ())
         return Playback(rendered(contents, self.reader.only(run.id for run in self.runs)))
 
     def _repr_html_(self) -> str:
         """Return the finding's story, judgement and strip."""
         run = self.runs[0]
         return _rendered("finding", finding=self, run=run, strip=self.reader.strip(run.outcome))
-
-    @property
-    def _entry(self) -> FindingEntry:
-        return FindingEntry(**{entry.name: getattr(self, entry.name) for entry in fields(FindingEntry)})
 
 
 def read_findings(folder: Path) -> tuple[Finding, ...]:

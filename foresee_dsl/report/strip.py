@@ -103,17 +103,15 @@ def make_strip(
     return Strip(title, opponent, kind, panels)
 
 
-def strip_svg(
-    trace: Trace, case: TestCase, story: Story | None = None, *, ghost: Trace | None = None, per_row: int = 3
-) -> str:
+def strip_svg(trace: Trace, case: TestCase, story: Story | None = None, *, ghost: Trace | None = None) -> str:
     """Return the strip of a run as a complete SVG document, which can also be inserted into HTML.
 
     Args:
         trace: the run. case: its test case. story: the run's story; its sentence is the picture's alternative text.
-        ghost: the parent's run, drawn as outlines. per_row: number of panels side by side.
+        ghost: the parent's run, drawn as outlines.
     """
     strip = make_strip(trace, case, story, ghost=ghost)
-    return svg_of([strip], story.sentence if story is not None else case.id, per_row=per_row)
+    return svg_of([strip], story.sentence if story is not None else case.id)
 
 
 def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from rich.text import Text
 
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, UnfiredTrigger, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, UnfiredTrigger, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
@@ -22,11 +22,11 @@ def counted(number: int, noun: str, many: str = "") -> str:
     return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
-def ending(verdict: Verdict, broken: Sequence[str] = ()) -> Text:
+def ending(run: RunRecord) -> Text:
     """Return how a run ended, in one word: its verdict, or `expectation` if it passed but broke expectations."""
-    if verdict is Verdict.PASS and broken:
+    if run.verdict is Verdict.PASS and run.broken_expectations:
         return Text(EXPECTATION, style="bold red")
-    return Text(verdict.value, style=verdict.style)
+    return Text(run.verdict.value, style=run.verdict.style)
 
 
 def changed_lines(notes: Iterable[DriverNotes]) -> list[str]:
@@ -45,29 +45,24 @@ def rule_lines(infractions: Iterable[Infraction]) -> tuple[str, ...]:
     return tuple(f"rule      {infraction.sentence}" for infraction in infractions)
 
 
-def verdicts_line(
-    verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case", *, breaking: int = 0
-) -> Text:
-    """Return the headline of runs: how many failed, by kind; if the driver crashed or hung in all of them, the reason.
-
-    Args:
-        verdicts: the verdicts of all runs. reasons: the reasons of the failed runs. noun: what a run is called.
-        breaking: number of the runs with the verdict `pass` that break an expectation.
+def verdicts_line(runs: Sequence[RunRecord]) -> Text:
+    """Return the headline of runs of test cases: how many failed, by kind; if the driver crashed or hung in all of
+    them, the reason.
     """
-    counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
-    total = len(verdicts)
-    if not counts and not breaking:
-        return Text(f"{counted(total, noun)} passed", style="bold green")
-    hung = sum(map(is_hang, reasons))
+    failed_runs, total = [run for run in runs if not run.passed], len(runs)
+    if not failed_runs:
+        return Text(f"{counted(total, 'test case')} passed", style="bold green")
+    counts = Counter(run.verdict for run in failed_runs)
+    breaking = counts.pop(Verdict.PASS, 0)
+    hung = sum(is_hang(run.reason) for run in failed_runs)
     if total in (counts[Verdict.CRASH], hung):
-        often, times = Counter(reasons).most_common(1)[0]
-        begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, noun)}: "
+        often, times = Counter(run.reason for run in failed_runs).most_common(1)[0]
+        begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, 'test case')}: "
         more = "" if times == total else f" (in {times} of them)"
         return Text(begins + safe(short_crash(often), WHOLE) + more, style="bold red")
     kinds = [f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind]]
     kinds += [f"{breaking} {EXPECTATION}"] if breaking else []
-    failed = sum(counts.values()) + breaking
-    return Text(f"{failed} of {counted(total, noun)} failed: {', '.join(kinds)}", style="bold red")
+    return Text(f"{len(failed_runs)} of {counted(total, 'test case')} failed: {', '.join(kinds)}", style="bold red")
 
 
 def short_crash(reason: str) -> str:

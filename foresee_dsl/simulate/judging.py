@@ -18,8 +18,7 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.results.drivable_area import squares_of
-from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, OutcomeJudge, off_road_points
+from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, OutcomeJudge, off_road_points, squares_of
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions

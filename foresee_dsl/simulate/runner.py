@@ -31,7 +31,6 @@ from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
-from foresee_dsl.simulate.sensing.sight import LinesOfSight
 from foresee_dsl.simulate.trace import STEP_S, WAYPOINT_M, Trace
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
@@ -125,9 +124,7 @@ class Run:
             self._recorder.event(0.0, patch.name, "slippery", at)
         self._mission = mission_of(bundle)
         self._sensing = Sensing(self._simulation, self._mission, seed, sensors)
-        self._conditions = Conditions(
-            self._simulation, bundle.signals, eyes=self._sensing, sightlines=LinesOfSight(self._simulation)
-        )
+        self._conditions = Conditions(self._simulation, bundle.signals, self._sensing)
         self._director = Director(self._simulation, self._conditions, self._recorder)
         self._judging = Judging(self._simulation, self._conditions, self._recorder, driver)
         self._expectations = Expectations(bundle.scene.expects, self._conditions, goal)

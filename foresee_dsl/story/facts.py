@@ -180,9 +180,9 @@ class Facts:
         """Return an actor's heading, rad."""
         return float(self.trace.states[frame, actor, HEADING])
 
-    def course(self, actor: int, frame: int, over_s: float = 1.0) -> float:
-        """Return the direction of an actor's movement over the last `over_s`, rad; its heading if it hardly moved."""
-        before = max(0, frame - round(over_s / STEP_S))
+    def course(self, actor: int, frame: int) -> float:
+        """Return the direction of an actor's movement over the last second, rad; its heading if it hardly moved."""
+        before = max(0, frame - round(1 / STEP_S))
         (x0, y0), (x1, y1) = self.xy(actor, before), self.xy(actor, frame)
         if math.isnan(x0) or math.hypot(x1 - x0, y1 - y0) < MOVED_M:
             return self.heading(actor, frame)

@@ -309,29 +309,24 @@ def _title_of(facts: Facts, ego: EgoMotion, other: Opponent | None, contact: Con
         return (
             _title_alone(facts, ego, going, place) if contact is not ContactClass.GOAL else _title_of_goal(facts, other)
         )
-    noun = what_is(facts.info(other.actor))
-    noun = _NOUNS.get(noun, noun)
+    noun = _noun(other)
     match contact:
         case ContactClass.STRUCK_BY_STEERED:
             return _fitting(f"{noun} steered into the {going}", f"{noun} steered into the ego")
         case ContactClass.HIT_WHILE_STANDING:
-            return _fitting(f"{_doing(other, noun)} hits the standing ego", f"{noun} hits the standing ego")
+            return _fitting(f"{_doing(other)} hits the standing ego", f"{noun} hits the standing ego")
         case ContactClass.EGO_DROVE_INTO:
-            hits = f"hits {_doing(other, noun)}"
+            hits = f"hits {_doing(other)}"
             return _fitting(f"{going} {hits}", f"ego {hits}", f"ego hits {noun}")
         case _:
-            pair = f"{_doing(other, noun)} collide"
+            pair = f"{_doing(other)} collide"
             return _fitting(f"{going} and {pair}", f"ego and {pair}", f"ego and {noun} collide")
 
 
 def _title_of_goal(facts: Facts, other: Opponent | None) -> str:
     """Return the title of a run that broke the goal of its campaign."""
-    goal = GoalSeries.in_meta(facts.trace.meta)
-    breaks = f"ego breaks {goal.name if goal is not None else 'the goal'}"
-    if other is None:
-        return breaks
-    noun = what_is(facts.info(other.actor))
-    return _fitting(f"{breaks}, {_doing(other, _NOUNS.get(noun, noun))}", breaks)
+    breaks = f"ego breaks {facts.goal.name if facts.goal is not None else 'the goal'}"
+    return _fitting(f"{breaks}, {_doing(other)}", breaks) if other is not None else breaks
 
 
 def _title_alone(facts: Facts, ego: EgoMotion, going: str, place: StoryPlace) -> str:
@@ -346,8 +341,15 @@ def _fitting(*titles: str) -> str:
     return next((title for title in titles if len(title.split()) <= _TITLE_WORDS), titles[-1])
 
 
-def _doing(other: Opponent, noun: str) -> str:
+def _noun(other: Opponent) -> str:
+    """Return the opponent in a word, such as `cyclist`."""
+    noun = what_is(other.facts.info(other.actor))
+    return _NOUNS.get(noun, noun)
+
+
+def _doing(other: Opponent) -> str:
     """Return the opponent and what it does in at most four words, such as `cyclist beside it`."""
+    noun = _noun(other)
     acts = (
         (other.stands, f"standing {noun}"),
         (other.steered, f"steered {noun}"),

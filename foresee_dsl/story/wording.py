@@ -51,8 +51,3 @@ def metres(distance_m: float) -> str:
 def with_side(side: str) -> str:
     """Return a side of a vehicle in words: `front`, `right side`, `rear`."""
     return f"{side} side" if side in ("left", "right") else side
-
-
-def joined(parts: list[str]) -> str:
-    """Return `a`, `a and b`, `a, b and c`."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""

@@ -17,7 +17,7 @@ from foresee_dsl.avoidance.r157.risk import (
     predicted,
 )
 from foresee_dsl.kernels.boxes import Mover, box_overlap
-from foresee_dsl.simulate.results.outcome import who_struck
+from foresee_dsl.simulate.results.outcome import impact
 from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, YAW_RATE, X
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
@@ -157,5 +157,5 @@ def mover(x: float, y: float, heading: float, speed: float) -> Mover:
 )
 def test_who_struck_whom(b: Mover, speed: float, striker: str) -> None:
     a = mover(0, 0, EAST, speed)
-    assert who_struck(a, b) == striker
-    assert who_struck(b, a) == {"ego": "other", "other": "ego"}.get(striker, striker)
+    assert impact(a, b, "b").struck_by == striker
+    assert impact(b, a, "a").struck_by == {"ego": "other", "other": "ego"}.get(striker, striker)

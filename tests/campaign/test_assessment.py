@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from foresee_dsl.campaign.assessment import Assessment, DriverRun, assess_drivers, hard_brakings, rows_of, run_one
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_cases
@@ -120,5 +121,5 @@ class Breaks:
 def test_a_driver_that_breaks_is_a_run_like_any_other(scenarios: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("foresee_dsl.campaign.driving.load_driver", lambda _: Breaks())
     monkeypatch.setattr("foresee_dsl.campaign.driving.find_driver", lambda _: None)
-    found = run_one(f"{scenarios}/scenario9.foresee::r01", "breaks", 0)
+    found = run_one(f"{scenarios}/scenario9.foresee::r01", DriverSetup("breaks"))
     assert (found.verdict, found.duration_s) == (Verdict.CRASH, 0.1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.clipping.fidelity import WITHIN_M, Deviation
@@ -33,7 +33,7 @@ def cut(address: str, frame: int, folder: Path) -> tuple[Clip, Deviation]:
     file = folder / "clip.foresee"
     clip = parse(print_model(clip_around(case, trace, point, file, before_s=3.0, after_s=5.0)), str(file)).model
     assert isinstance(clip, Clip)
-    return clip, measure_clip(clip, case, trace, file, driver="pdm", seed=0)[3]
+    return clip, measure_clip(clip, case, trace, file, DriverSetup("pdm"))[3]
 
 
 def actors_of(clip: Clip) -> list[Actor]:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.campaign.conformance import checks
 from foresee_dsl.campaign.conformance.records import Check, CheckStatus, Conformance, ConformanceCase
-from foresee_dsl.campaign.conformance.runs import Drive
+from foresee_dsl.campaign.conformance.runs import ExaminedDriver
 from foresee_dsl.campaign.conformance.suite import conform, conformance_cases
 from foresee_dsl.cli import app
 from foresee_dsl.drivers.consent import allowing
@@ -108,8 +108,8 @@ def consent(folder: Path) -> Iterator[None]:
         yield
 
 
-def drive(folder: Path, name: str) -> Drive:
-    return Drive(f"python:{folder / 'faults.py'}:{name}", 0, DEADLINES)
+def drive(folder: Path, name: str) -> ExaminedDriver:
+    return ExaminedDriver(f"python:{folder / 'faults.py'}:{name}", 0, DEADLINES)
 
 
 def case(name: str) -> TestCase:

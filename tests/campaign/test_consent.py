@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.campaign_file import read_campaign
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
@@ -100,7 +100,7 @@ def mutant(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     trace = run_test_case(case, "idm", 0).trace
     file = folder / "p1.foresee"
     draft = clip_around(case, trace, load_ranker("proximity").rank(trace)[0], file, before_s=2.0, after_s=1.0)
-    clip, *_ = measure_clip(draft, case, trace, file, driver="idm", seed=0)
+    clip, *_ = measure_clip(draft, case, trace, file, DriverSetup("idm"))
     file.write_text(print_model(clip), encoding="utf-8")
     (child,) = mutate_file(file, preset="focused", count=1, driver="idm", seed=0)
     (folder / "mine.py").write_text("open('mark', 'w')\n", encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.findings.diagnosing import (
     FILE,
     DiagnosedFailure,
@@ -98,7 +98,7 @@ def test_a_part_with_which_the_driver_passes_elsewhere_is_the_probable_cause(sce
     diagnosis = diagnosed(failed, no_map, drive, driver="pdm", seed=0, declared=(P.PERCEPTION, P.TRACKING, P.CONTROL))
     assert diagnosis.cause == (P.TRACKING,) and not diagnosis.sure
     assert diagnosis.text.startswith("probably tracking:")
-    table = diagnosis_text(DiagnosedFailure(Failing("turns", case, "pdm", 0), diagnosis))
+    table = diagnosis_text(DiagnosedFailure(Failing("turns", case, DriverSetup("pdm")), diagnosis))
     assert "still fails: F4 collision with van" in table
     assert "passes elsewhere: it takes another way" in table and "Passes elsewhere: the ego no longer" in table
 

@@ -77,7 +77,7 @@ SEEDS = (seed("f::a", "3"), seed("f::b", "3"), seed("g::c", "4"), seed("g::d", "
 
 
 def test_equal_stories_of_a_family_are_one_and_the_nearest_change_stands_for_them() -> None:
-    found = findings_of(campaign(SEEDS, CLIPS))
+    found = findings_of(SEEDS, CLIPS)
     assert [(f.family, f.name, f.siblings) for f in found] == [
         ("3", "b_p1_m1", ("a_p1_m1", "a_p1_m2")),
         ("3", "b_p1_m2", ()),
@@ -88,12 +88,12 @@ def test_equal_stories_of_a_family_are_one_and_the_nearest_change_stands_for_the
 
 
 def test_a_failing_test_case_is_a_finding_as_it_is() -> None:
-    (found,) = findings_of(campaign((seed("g::d", "4", STEPS_OUT),), ()))
+    (found,) = findings_of([seed("g::d", "4", STEPS_OUT)], [])
     assert (found.name, found.file, found.clip) == ("s_d", "g::d", "")
 
 
 def test_the_order_of_what_finished_does_not_matter() -> None:
-    assert findings_of(campaign(SEEDS[::-1], CLIPS[::-1])) == findings_of(campaign(SEEDS, CLIPS))
+    assert findings_of(SEEDS[::-1], CLIPS[::-1]) == findings_of(SEEDS, CLIPS)
 
 
 def test_campaign_json_lists_them() -> None:
@@ -123,4 +123,4 @@ def test_a_mutants_comment_is_one_line_and_changes_nothing_else(sentence: str) -
 
 def test_a_broken_run_has_no_story_and_is_no_finding() -> None:
     crashed = replace(seed("g::d", "4"), verdict=Verdict.CRASH)
-    assert findings_of(campaign((crashed,), ())) == ()
+    assert findings_of([crashed], []) == ()

@@ -148,7 +148,8 @@ def test_what_breaks_the_goal_is_a_finding_with_its_file(searched: tuple[Campaig
     assert not result.broken
     counts = result.goal
     assert counts is not None and counts.children > 0 and counts.findings > 0
-    assert [f.breaks_goal for f in result.findings] == sorted((f.breaks_goal for f in result.findings), reverse=True)
+    breaking = [finding.run.breaks_goal for finding in result.findings]
+    assert breaking == sorted(breaking, reverse=True)
     by_goal = [child for clip in result.clips for child in clip.children if child.verdict is Verdict.GOAL]
     assert by_goal
     data = json.loads((folder / "out" / "campaign.json").read_text())

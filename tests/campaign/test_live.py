@@ -15,9 +15,8 @@ from rich.console import Console
 
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
-from foresee_dsl.report.terminal.live import LONGEST_LINE, JsonLog, PlainProgress, progress
+from foresee_dsl.report.terminal.live import LONGEST_LINE, JsonLog, PlainProgress, TimeLeft, progress
 from foresee_dsl.report.terminal.steps import EVERY_S
-from foresee_dsl.report.terminal.time_left import TimeLeft
 
 
 def row(kind: str, verdict: str = "pass", name: str = "one", *, broken: bool = False) -> Row:

@@ -101,12 +101,12 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
     assert len(result.findings) == len(contents.findings) > 1
     different = 0
     for finding, entry in zip(result.findings, contents.findings, strict=True):
-        file = out / finding.run_file
+        file = out / (finding.reduced or finding).file
         assert entry.name == finding.name and file.parent.parent == out / "findings"
         case, trace = load_test_case(str(file)), Trace.load(file.with_suffix(".npz"))
         story, reason = tell(trace, case), str(trace.meta["reason"])
-        answers = [(judgement.name, str(judgement.answer), judgement.why) for judgement in finding.judgements]
-        assert len(answers) == 2 and finding.references
+        answers = [(judgement.name, str(judgement.answer), judgement.why) for judgement in finding.run.judgements]
+        assert len(answers) == 2 and finding.run.references
         different += story.sentence != finding.story_as_found.sentence
 
         def text(node: html.HtmlElement) -> str:
@@ -131,7 +131,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         changes = [text(node) for node in first.xpath("./ul[@class='changes']/li")]
         assert changes == [f"change {change}" for change in listed[finding.name]["minimised"]["changed"]]
         references = [text(node) for node in first.xpath("./ul[@class='references']/li")]
-        for line, run in zip(references, finding.references, strict=True):
+        for line, run in zip(references, finding.run.references, strict=True):
             assert line.startswith(run.driver)
             assert (", ".join(run.how) if run.avoids else run.apart or run.before or run.reason) in line
         assert str(file) in unquote(text(first.xpath(".//div[@class='command']/code")[0]))
@@ -159,7 +159,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         for answer in answers:
             assert ": ".join(answer) in review
             assert all(f"{answer[0]}: **{answer[1]}**: {answer[2]}" in section for section in sections)
-        for run in finding.references:
+        for run in finding.run.references:
             assert (", ".join(run.how) if run.avoids else run.apart or run.reason) in review
 
         written = file.read_text()
@@ -168,7 +168,7 @@ def test_all_statements_about_a_finding_are_about_one_run(done: Path, tmp_path: 
         origin = case.mutant.origin
         assert (origin.found, origin.preventable, origin.anticipating) == (
             reason,
-            *(judgement.origin[1] if judgement.origin else None for judgement in finding.judgements),
+            *(judgement.origin[1] if judgement.origin else None for judgement in finding.run.judgements),
         )
         kept = foresee("keep", finding.name, "--campaign", out, "--to", tmp_path / "suite").stdout
         assert kept.splitlines()[1].strip() == story.sentence

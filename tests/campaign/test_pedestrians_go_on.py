@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -32,7 +32,7 @@ def test_at_many_moments_of_a_run(scenarios: Path, tmp_path: Path, name: str) ->
         file = tmp_path / f"p{k}.foresee"
         point = RiskyPoint(1, frame, frame * 0.05, "", "none", float("nan"), float("nan"), 0.0, "a test")
         clip = parse(print_model(clip_around(case, trace, point, file, before_s=0.0, after_s=FOR_S)), str(file)).model
-        found = measure_clip(clip, case, trace, file, driver="idm", seed=0)[3]  # type: ignore[arg-type]  # it is a clip
+        found = measure_clip(clip, case, trace, file, DriverSetup("idm"))[3]  # type: ignore[arg-type]  # it is a clip
         assert found.frames >= FOR_S * 20
         far = {trace.actors[w].id: found.actors.get(trace.actors[w].id, 0.0) for w in walkers}
         assert max(far.values()) < 0.01, (frame, far)

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.regression.verify import verify_files
@@ -89,12 +89,12 @@ def test_a_failing_child_says_it_in_its_file_and_is_still_reproduced(scenarios: 
     point = load_ranker("foresee").rank(parent.trace, seed=0, before_s=5.0, after_s=5.0)[0]
     file = tmp_path / "p1.foresee"
     cut = clip_around(case, parent.trace, point, file, before_s=5.0, after_s=5.0)
-    model, clip_case, ran, _ = measure_clip(cut, case, parent.trace, file, driver="pdm", seed=0)
+    model, clip_case, ran, _ = measure_clip(cut, case, parent.trace, file, DriverSetup("pdm"))
     file.write_text(print_model(model))
     found, failing = [], []
     for mutant in mutate(clip_case, model, ran.trace, preset="focused", count=4, seed=0):
         at = tmp_path / f"{mutant.name}.foresee"
-        outcome, result = run_child(mutant, clip_case, at, driver="pdm", seed=0)
+        outcome, result = run_child(mutant, clip_case, at, DriverSetup("pdm"))
         written = parse(outcome.text, str(at)).model
         assert isinstance(written, Mutant)
         assert written.origin is not None

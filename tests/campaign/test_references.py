@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from foresee_dsl.avoidance.comparison import SAME_PLACE_M, compared
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import Allocation
+from foresee_dsl.campaign.steps.case_reference import drive_failure
 from foresee_dsl.campaign.steps.mutants import MutantsStep
-from foresee_dsl.campaign.steps.referring import driven
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
@@ -155,10 +154,10 @@ def test_a_driver_that_fails_before_the_mutation_shows_nothing(
     _, out, result, _ = done
     child = next(child for clip in result.clips for child in clip.failing if child.references[0].passes)
     case, address = load_test_case(str(out / child.file)), child.references[0].driver
+    setup = DriverSetup(address, rules=AGAINST.rules)
     runs = {}
     for verdict in (Verdict.PASS, *FAILURES, Verdict.TIMEOUT, Verdict.CRASH):
-        runs[verdict], _ = driven(address, case, lambda verdict=verdict: verdict, None, seed=0, deadlines=DEADLINES,
-                               rules=AGAINST.rules)  # fmt: skip
+        runs[verdict], _ = drive_failure(setup, case, lambda verdict=verdict: verdict, None)
         assert (runs[verdict].verdict, runs[verdict].before) == (Verdict.PASS, verdict)
     passes, fails = runs[Verdict.PASS], runs[Verdict.F4]
     assert [verdict for verdict, run in runs.items() if run.avoids] == [Verdict.PASS]

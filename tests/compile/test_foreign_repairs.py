@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
+from foresee_dsl.compile.foreign.geometry_repair import repair_overlaps
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_reading import crosswalks_of
 from foresee_dsl.compile.foreign.signal_programs import fix_times

@@ -186,8 +186,7 @@ def test_projecting_undoes_locating(s, offset, hint):
     line = RoadNetwork.from_net(net_of(PLAIN)).line(("south", "north_back"))
     x, y, _ = line.at(s, offset)
     assert line.project(x, y, s + hint) == pytest.approx((s, offset), abs=1e-6)
-    many_s, many_lateral = line.project(np.array([x]), np.array([y]))
-    assert (many_s[0], many_lateral[0]) == pytest.approx((s, offset), abs=1e-6)
+    assert line.project(x, y) == pytest.approx((s, offset), abs=1e-6)
 
 
 def test_a_wrong_hint_does_not_mislead(road):

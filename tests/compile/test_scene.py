@@ -159,7 +159,7 @@ def test_everything_else_an_actor_says():
     assert (runner.cruise_mps, runner.timing, runner.delay_s) == (10, 0.9, 0.5)
     assert runner.speed_mps == 0, "it moves off later"
     assert runner.ignores == (("signals", "j4"),) and runner.meets[0].junction == "j4"
-    assert (runner.steering.value, runner.steering.start_s, runner.steering.duration_s) == (0.2, 1.0, 2.0)
+    assert (runner.steering.value, runner.steering.from_s, runner.steering.until_s) == (0.2, 1.0, 3.0)
     assert scene.signals == (("j4", "ew_go", 3.0),) and scene.end_s == 20
     assert scene.friction == pytest.approx(friction_of(0.5)) == pytest.approx(0.7)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -64,7 +64,7 @@ def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
     case, trace = parent_of(name)
-    found = measure_clip(cut(name, at_s), case, trace, FOLDER / "clip.foresee", driver="idm", seed=0)[3]
+    found = measure_clip(cut(name, at_s), case, trace, FOLDER / "clip.foresee", DriverSetup("idm"))[3]
     assert {actor: far for actor, far in found.actors.items() if far > 0.01 and actor != "ego"} == {}
     assert found.frames > 60
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -66,7 +66,7 @@ def whens(clip: Clip) -> list[When]:
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
     case, trace = parent_of(name)
-    found = measure_clip(cut(name, at_s), case, trace, FOLDER / "clip.foresee", driver="pdm", seed=0)[3]
+    found = measure_clip(cut(name, at_s), case, trace, FOLDER / "clip.foresee", DriverSetup("pdm"))[3]
     ego = found.actors["ego"]  # its driver begins without what it had seen before
     assert {actor: far for actor, far in found.actors.items() if far > 0.01} in ({}, {"ego": ego})
     assert ego < 0.15

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.minimise import judge_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.minimise.boundary import stable_edge
@@ -29,7 +29,7 @@ from tests.support.small_street import STREET
 
 SWERVE = "change neighbour.steer: 0.00 => -0.15 from 3.50 s for 1.00 s"
 HURRY = "change walker.timing: 1.00 => 1.20"
-JUDGE = judge_of("idm", 0)
+JUDGE = judge_of(DriverSetup("idm"))
 
 
 class Street(NamedTuple):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.steps.minimise import judge_of
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip
@@ -83,7 +84,7 @@ class Unmoved:
         return Control(0.0, min(max(slow, 0.0), 1.0), 0.0)
 
 
-JUDGE = replace(judge_of("idm", 0), drive=lambda case: run(compile_test_case(case), Unmoved()))
+JUDGE = replace(judge_of(DriverSetup("idm")), drive=lambda case: run(compile_test_case(case), Unmoved()))
 
 
 class Case(NamedTuple):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
@@ -75,7 +76,7 @@ def written(model: Clip, file: Path) -> TestCase:
 
 def deviation(case: TestCase, trace: Trace, at_s: float) -> Deviation:
     file = case.source.parent / "clip.foresee"
-    return measure_clip(cut(case, trace, at_s), case, trace, file, driver="idm", seed=0)[3]
+    return measure_clip(cut(case, trace, at_s), case, trace, file, DriverSetup("idm"))[3]
 
 
 def child_of(clip_case: TestCase, *lines: str) -> TestCase:

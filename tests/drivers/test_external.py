@@ -20,7 +20,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.regression.verify import verify_files
@@ -512,7 +512,7 @@ def test_what_is_recorded_is_verified_with_its_program(scenarios: Path, tmp_path
         point = load_ranker("proximity").rank(trace)[0]
         file = tmp_path / "p1.foresee"
         draft = clip_around(case, trace, point, file, before_s=2.0, after_s=1.0)
-        clip, _, _, found = measure_clip(draft, case, trace, file, driver=EXAMPLE, seed=0)
+        clip, _, _, found = measure_clip(draft, case, trace, file, DriverSetup(EXAMPLE))
         assert found.largest_m < 0.1  # a fresh process knows nothing of the run before, and drives alike
         file.write_text(print_model(clip), encoding="utf-8")
         (child,) = mutate_file(file, preset="focused", count=1, driver=EXAMPLE, seed=0)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
@@ -212,7 +212,7 @@ def test_a_clip_and_a_mutant_of_a_planner(scenarios: Path, tmp_path: Path) -> No
         point = load_ranker("proximity").rank(trace)[0]
         file = tmp_path / "p1.foresee"
         draft = clip_around(case, trace, point, file, before_s=2.0, after_s=2.0)
-        clip, _, _, fidelity = measure_clip(draft, case, trace, file, driver=EXAMPLE, seed=0)
+        clip, _, _, fidelity = measure_clip(draft, case, trace, file, DriverSetup(EXAMPLE))
         assert fidelity.largest_m < 0.3
         file.write_text(print_model(clip), encoding="utf-8")
         (child,) = mutate_file(file, preset="focused", count=1, driver=EXAMPLE, seed=0)

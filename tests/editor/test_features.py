@@ -18,7 +18,6 @@ from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.diagnosing import find
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import results
-from foresee_dsl.editor.protocol.positions import Positions
 from tests.support.editor_client import Editor, applied, at, session
 
 NET = """foresee 1
@@ -197,11 +196,11 @@ def test_help_that_names_a_text_offers_it_and_the_mistake_goes_away(project: Pat
         mistake = found[0]
         assert mistake.span is not None
         offered = fixes(
-            mistake, mistake.span, Positions(text),
+            mistake, mistake.span, text,
             lambda text, path=path: find(path, text, {}, places=True),
         )  # fmt: skip
         assert offered, mistake
-        after = find(path, fixed(text, Positions(text), offered[0]), {}, places=True)
+        after = find(path, fixed(text, offered[0]), {}, places=True)
         assert mistake.message not in [one.message for one in after]
 
 

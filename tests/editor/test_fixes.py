@@ -13,7 +13,6 @@ import pytest
 from foresee_dsl.editor.answers.edits import Fix, applied
 from foresee_dsl.editor.answers.fixes import fixes, with_names_of
 from foresee_dsl.editor.diagnosing import find
-from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.errors import Diagnostic
 
 GOLDENS = Path(__file__).parents[1] / "cases" / "language" / "errors"
@@ -71,7 +70,7 @@ def _of(file: Path) -> Iterator[Mistake]:
 
     for one in check(text):
         if one.span is not None:
-            offered = fixes(one, one.span, Positions(text), check, with_names_of(file, {}))
+            offered = fixes(one, one.span, text, check, with_names_of(file, {}))
             yield Mistake(file, text, one, offered, check)
 
 
@@ -95,7 +94,7 @@ def test_what_is_clicked_mends_the_mistake_and_compiles(mistakes: tuple[Mistake,
     for mistake in mistakes:
         before = mistake.check(mistake.text)
         for fix in mistake.offered:
-            mended = applied(mistake.text, Positions(mistake.text), fix)
+            mended = applied(mistake.text, fix)
             after = mistake.check(mended)
             where = f"{mistake.name}: {mistake.diagnostic.message}; {fix.title}: {mended}"
             refused = [one for one in after if one.code in OF_THE_GRAMMAR]
@@ -161,5 +160,5 @@ def test_a_fix_leaves_no_more_mistakes_of_one_name_behind() -> None:
     assert Counter(one.message for one in wrong) == {wrong[0].message: 2}
     for one in wrong:
         assert one.span is not None
-        offered = fixes(one, one.span, Positions(text), check)
+        offered = fixes(one, one.span, text, check)
         assert [fix.title for fix in offered] == ["Write `2.5 s`"]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from foresee_dsl.report.picture.answer import answer, page_of
+from foresee_dsl.report.picture.draw import answer, page_of
 from tests.report.test_picture import SMALL
 from tests.support.browser import browser, needs_chromium
 

@@ -22,8 +22,7 @@ from foresee_dsl.report.drawing.ground import Layer, ground_of
 from foresee_dsl.report.drawing.labels import LabelBox, Room
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.svg import png_of_svg, svg_of
-from foresee_dsl.report.picture.answer import answer
-from foresee_dsl.report.picture.draw import Drawing, draw
+from foresee_dsl.report.picture.draw import Drawing, answer, draw
 from foresee_dsl.report.picture.reading import read_subject
 from tests.support.command import program
 

@@ -9,7 +9,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from foresee_dsl.compile.bundle import PlacedActor, Steering, SumoBundle
+from foresee_dsl.compile.bundle import PlacedActor, SumoBundle, TimedValue
 from foresee_dsl.language.model import (
     ChangesLane,
     ChangesSpeed,
@@ -268,7 +268,7 @@ def test_a_delayed_car_stands_that_long(town: Town) -> None:
 
 def test_a_steered_car_leaves_its_lane_and_comes_back(town: Town) -> None:
     car = town.vehicle("car", ("n11_n21", "n21_n31"), 10.0, speed=10.0, cruise=10.0)
-    steered = replace(car, steering=Steering(0.05, 0.5, 1.0))
+    steered = replace(car, steering=TimedValue(0.05, 0.5, 1.5))
     trace, straight = drive(town, steered, end_s=7.0), drive(town, car, end_s=7.0)
     aside = np.abs(trace.states[:, 1, Y] - straight.states[:, 1, Y])
     assert aside[:11].max() < 1e-9

@@ -11,7 +11,7 @@ import pytest
 
 from foresee_dsl.compile.roads import network
 from foresee_dsl.drivers.protocol import Control, Observation
-from foresee_dsl.simulate.results.drivable_area import Squares, squares_of
+from foresee_dsl.simulate.results.outcome import Squares, squares_of
 from foresee_dsl.simulate.runner import run
 from tests.support.scenes import LaneKeeper, Town, snapshot
 

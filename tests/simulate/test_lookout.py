@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Steering
+from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, TimedValue
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
 from foresee_dsl.kernels.boxes import Mover, pairwise_box_distance
@@ -79,7 +79,7 @@ def beside(town: Town, at_m: float, left_m: float) -> tuple[float, float]:
 
 
 def swerves(town: Town, other: PlacedActor, *, onset_s: float = 0.5, value: float = 0.02, **more: object) -> Trace:
-    steering = Steering(value, onset_s, 1.0)
+    steering = TimedValue(value, onset_s, onset_s + 1.0)
     car = town.vehicle("car", WEST_TO_EAST, 20.0, speed=10.0, cruise=10.0, steering=steering, **more)
     ego = town.ego(("n30_n20", "n20_n10"), 10.0, speed=0.0)
     return run(town.bundle([ego, car, other], end_s=5.0), Cruise(0.0)).trace
@@ -132,7 +132,7 @@ def test_it_stops_for_something_that_stands_where_it_is_steered_to(town: Town) -
 
 def test_it_brakes_for_the_ego_that_crosses(town: Town) -> None:
     # Both come to the middle of the same junction after 4.5 s; the ego takes notice of nobody.
-    steering = Steering(0.01, 0.2, 0.5)
+    steering = TimedValue(0.01, 0.2, 0.7)
     car = town.vehicle("car", ("n11_n21", "n21_n31"), 60.0, speed=10.0, cruise=10.0, steering=steering)
     ego = town.ego(("n22_n21", "n21_n20"), 65.0, speed=10.0)
 

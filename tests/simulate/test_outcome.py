@@ -18,7 +18,6 @@ from foresee_dsl.simulate.results.outcome import (
     Decision,
     OutcomeJudge,
     classify,
-    contact_sides,
     impact,
     off_road_points,
 )
@@ -71,13 +70,13 @@ CASES = {
 def test_kind_of_collision(name: str) -> None:
     ego, other, expected = CASES[name]
     assert overlaps(ego.box, other.box)
-    assert classify(ego, other, "car") is expected
+    assert classify(impact(ego, other, "it"), "car") is expected
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_kind_does_not_depend_on_which_of_the_two_is_the_ego(name: str) -> None:
     ego, other, expected = CASES[name]
-    assert classify(other, ego, "truck") is expected
+    assert classify(impact(other, ego, "it"), "truck") is expected
 
 
 @given(turn=st.floats(-7, 7), name=st.sampled_from(sorted(CASES)), mirrored=st.booleans())
@@ -90,26 +89,31 @@ def test_the_kind_does_not_depend_on_the_compass_or_the_side_of_traffic(turn: fl
         x, y = m.x, side * m.y
         return m._replace(x=x * c - y * s + 40, y=x * s + y * c - 7, heading=side * m.heading + turn)
 
-    assert classify(moved(ego), moved(other), "car") is expected
+    assert classify(impact(moved(ego), moved(other), "it"), "car") is expected
 
 
 def test_what_is_hit_decides_first() -> None:
     ego, other, _ = CASES["head on"]
-    assert classify(ego, other, "obstacle") is Verdict.F1
-    assert classify(ego, other, "pedestrian") is Verdict.F2
+    assert classify(impact(ego, other, "it"), "obstacle") is Verdict.F1
+    assert classify(impact(ego, other, "it"), "pedestrian") is Verdict.F2
     kinds: tuple[ActorKind, ...] = ("car", "van", "truck", "bus", "motorcycle", "bicycle")
-    assert {classify(ego, other, kind) for kind in kinds} == {Verdict.F3}
+    assert {classify(impact(ego, other, "it"), kind) for kind in kinds} == {Verdict.F3}
+
+
+def sides(ego: Mover, other: Mover) -> tuple[str, str]:
+    contact = impact(ego, other, "it")
+    return contact.side, contact.other_side
 
 
 def test_deep_overlap_does_not_turn_a_front_into_a_side() -> None:
     # 20 m/s each: 2 m deep after one step, while only 0.5 m of the width overlaps.
     ego, other = car(0, 0, EAST, 20), car(2.0, 1.5, WEST, 20)
-    assert contact_sides(ego, other) == ("front", "front")
+    assert sides(ego, other) == ("front", "front")
 
 
 def test_sides_when_nothing_moves() -> None:
-    assert contact_sides(car(0, 0, EAST, 0), car(3.9, 0, EAST, 0)) == ("front", "rear")
-    assert contact_sides(car(0, 0, EAST, 0), car(0, 1.9, EAST, 0)) == ("left", "right")
+    assert sides(car(0, 0, EAST, 0), car(3.9, 0, EAST, 0)) == ("front", "rear")
+    assert sides(car(0, 0, EAST, 0), car(0, 1.9, EAST, 0)) == ("left", "right")
 
 
 # ------------------------------------------------------------------------------------------------ the impact

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.runs import case_run, with_unfired
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
@@ -159,7 +159,7 @@ def test_a_clip_does_not_nag(driven: tuple[TestCase, RunResult]) -> None:
     point = RiskyPoint(1, 40, 2.0, "", "none", float("nan"), float("nan"), 0.0, "a test")
     file = case.source.parent / "clip.foresee"
     made = clip_around(case, result.trace, point, file, before_s=0.0, after_s=1.0)
-    _, clip, run, _ = measure_clip(made, case, result.trace, file, driver="idm", seed=0)
+    _, clip, run, _ = measure_clip(made, case, result.trace, file, DriverSetup("idm"))
     run = with_unfired(clip, "idm", run)
     assert run.unfired  # it is known, and not printed
     console = Console(width=80, color_system=None)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
@@ -203,7 +203,7 @@ def test_a_clip_goes_on_with_the_same_conditions(driven: tuple[TestCase, RunResu
     file = folder / f"clip_{round(at_s * 100)}.foresee"
     made = clip_around(case, trace, point, file, before_s=0.0, after_s=4.0)
     assert parse(print_model(made), str(file)).model == made
-    _, _, run, found = measure_clip(made, case, trace, file, driver="idm", seed=0)
+    _, _, run, found = measure_clip(made, case, trace, file, DriverSetup("idm"))
     assert found.largest_others_m < 0.011  # of the four decimals of a clip
     later = [e for e in trace.events if e.what == "trigger" and at_s < e.time_s <= at_s + 4.0]
     assert [round(e.time_s + at_s, 2) for e in run.trace.events if e.what == "trigger" and e.time_s > 0] == [

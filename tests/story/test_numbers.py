@@ -393,7 +393,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> tuple[Run
     result = finished([write_project(root), root / "street.foresee"], root / "out")
     traces = {}
     for finding in result.findings:
-        file = root / "out" / finding.run_file
+        file = root / "out" / (finding.reduced or finding).file
         traces[finding.name] = load_test_case(str(file)), Trace.load(file.with_suffix(".npz"))
     for folder in sorted((CASES / "story").iterdir()) + sorted((CASES / "forecast").iterdir()):
         if (folder / "trace.npz").is_file():

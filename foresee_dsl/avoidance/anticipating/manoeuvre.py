@@ -33,8 +33,7 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import gaps_to_first
 from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
-from foresee_dsl.simulate.results.drivable_area import squares_of
-from foresee_dsl.simulate.results.outcome import off_road_points
+from foresee_dsl.simulate.results.outcome import off_road_points, squares_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
 
 _PEAK, _JERK = 10 / math.sqrt(3), 30.0

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from foresee_dsl.campaign.allocation.draws import SEARCHED_WAY, ClipDraws, PastChild, Way
-from foresee_dsl.campaign.allocation.method import RoundBudget, why_near
+from foresee_dsl.campaign.allocation.draws import SEARCHED_WAY, ClipDraws, PastChild, RoundBudget, Way
 from foresee_dsl.derive.mutate import How
 
 NEW = 1.0
@@ -80,7 +79,7 @@ class Adaptive:
                 way = draws.choose(pin, ways)
                 option = near[way] if way in near else clip.anew(way)
                 why = f"its clip is number {place + 1} of {len(order)} by the worth of the children so far"
-                clip.want(option, way.how, f"{why}; {why_near(clip, option)}" if option.base is not None else why)
+                clip.want(option, way.how, f"{why}; {clip.why_near(option)}" if option.base is not None else why)
                 allocated[pin] += 1
                 some = True
             if not some and left == len(order):

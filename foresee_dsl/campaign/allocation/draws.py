@@ -1,11 +1,11 @@
-"""The mutants of a clip: those that were drawn, and the ways in which further ones can be drawn."""
+"""The mutants of a clip: those that were drawn, the ways in which further ones can be drawn, and what chooses them."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest
@@ -14,6 +14,8 @@ from foresee_dsl.derive.local_search import WEAKER
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 
 if TYPE_CHECKING:
+    from numpy.random import Generator
+
     from foresee_dsl.campaign.allocation.facts import ChildFacts
     from foresee_dsl.campaign.steps.child import ChildStep
     from foresee_dsl.derive.mutate import PlanNames
@@ -211,6 +213,13 @@ class ClipDraws:
         """Return how near an option's base came to a failure, 0 to 1."""
         return self.facts(option).nearness
 
+    def why_near(self, option: Option) -> str:
+        """Return, in words, what the mutant did whose changes a further one uses; "" for an independent draw."""
+        if option.base is None:
+            return ""
+        facts = self.facts(option)
+        return f"{option.base.step.name} {'failed' if facts.story else f'passed, {facts.miss}'}"
+
     def want(self, option: Option, how: How, why: str) -> None:
         """Request a mutant."""
         unit, plan, base = option
@@ -231,3 +240,38 @@ def clip_draws(units: Collection[Unit], facts: Mapping[StepNode, ChildFacts]) ->
     for unit in units:
         by_clip.setdefault(unit.step.draft.pin, []).append(unit)
     return [ClipDraws(own, facts) for own in by_clip.values()]
+
+
+class RoundBudget(NamedTuple):
+    """The frame of a round.
+
+    Attributes:
+        number, of: index of the round, from 1, and number of rounds. children: number of its mutants. most: largest
+            number of mutants of one clip in it and with one seed. rng: random choices of this round.
+    """
+
+    number: int
+    of: int
+    children: int
+    most: int
+    rng: Generator
+
+
+class Method(Protocol):
+    """An allocation in rounds; its choices may depend on nothing but its arguments.
+
+    Attributes:
+        rounds: number of rounds, the first included, in which each clip gets one mutant. words: what gets the mutants
+            of the later rounds.
+    """
+
+    rounds: int
+    words: str
+
+    def give_out(self, clips: Sequence[ClipDraws], past: Sequence[PastChild], budget: RoundBudget) -> None:
+        """Request the mutants of a round from the clips, fewer than `budget.children` if there are no more.
+
+        `clips`: in an order that depends only on content hashes. `past`: all mutants so far, in the order of their
+        rounds.
+        """
+        ...

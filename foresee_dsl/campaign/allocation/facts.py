@@ -4,10 +4,8 @@ pass came to a failure.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.findings.grouping import story_cell
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.simulate.results.near_misses import NearMisses
@@ -80,8 +78,3 @@ def _miss(near: NearMisses | None) -> str:
     if near.ttc_s is not None and time > gap:
         return f"{near.ttc_s.value:.2f} s before a collision with {near.ttc_s.actor}"
     return f"{near.distance_m.value:.2f} m from {near.distance_m.actor}" if near.distance_m is not None else ""
-
-
-def avoided(references: Iterable[ReferenceRun]) -> bool:
-    """Return whether a reference driver shows that a failure could have been avoided."""
-    return any(run.avoids for run in references)

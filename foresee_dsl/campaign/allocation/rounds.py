@@ -20,9 +20,8 @@ import numpy as np
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.adaptive import Adaptive
-from foresee_dsl.campaign.allocation.draws import DrawnChild, PastChild, Unit, clip_draws
-from foresee_dsl.campaign.allocation.facts import ChildFacts, avoided
-from foresee_dsl.campaign.allocation.method import Method, RoundBudget
+from foresee_dsl.campaign.allocation.draws import DrawnChild, Method, PastChild, RoundBudget, Unit, clip_draws
+from foresee_dsl.campaign.allocation.facts import ChildFacts
 from foresee_dsl.campaign.allocation.stories import Stories
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -87,18 +86,6 @@ class Round:
     total: int
     clips: Mapping[str, int]
     ways: Mapping[str, int]
-
-    def as_document(self) -> dict[str, object]:
-        """Return its JSON document."""
-        return {
-            "number": self.number,
-            "of": self.of,
-            "children": self.children,
-            "before": self.before,
-            "total": self.total,
-            "clips": self.clips,
-            "ways": self.ways,
-        }
 
     @property
     def sentence(self) -> str:
@@ -234,7 +221,7 @@ class Rounds:
         after = ((node, self._stages.row(node)) for node in self._stages.after(drawn.node, row))
         records = (decode(reference_row.record, ReferenceRun) for node, reference_row in after
                    if reference_row is not None and node.step.record is ReferenceRun)  # fmt: skip
-        return avoided(record for record in records if isinstance(record, ReferenceRun))
+        return any(isinstance(record, ReferenceRun) and record.avoids for record in records)
 
 
 def requested(request: RoundRequest, record: Mutants, first: int) -> tuple[RequestedMutant, ...]:

@@ -14,8 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, Option, PastChild, Way
-from foresee_dsl.campaign.allocation.method import RoundBudget, why_near
+from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, Option, PastChild, RoundBudget, Way
 from foresee_dsl.derive.mutate import How
 
 NEW_UNAVOIDED = 0.5
@@ -235,7 +234,7 @@ def _arm(clip: ClipDraws, estimates: Estimates, way: Way, option: Option) -> _Ar
 def _why(clip: ClipDraws, arm: _Arm, estimates: Estimates) -> str:
     if arm.option.base is None:
         return estimates.words(clip.pin, clip.group, arm.way)
-    return f"{why_near(clip, arm.option)}{_DOES[arm.way.how]}"
+    return f"{clip.why_near(arm.option)}{_DOES[arm.way.how]}"
 
 
 _DOES = {

@@ -67,7 +67,7 @@ class StepTimes:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {name: rounded(value, 3) for name, value in every_field(self).items()}
+        return every_field(self, 3)
 
 
 @dataclass(frozen=True)

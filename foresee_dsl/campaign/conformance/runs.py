@@ -5,17 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from foresee_dsl.campaign.driving import TimedDriver, driven, new_driver, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, TimedDriver, new_driver
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.clipping.clip import DRIVES_S
-from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.drivers.parts import parts_of
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, Trajectory, VehicleLimits
 from foresee_dsl.drivers.registry import handover_of
@@ -170,16 +168,12 @@ class Handover:
 
 
 @dataclass(frozen=True)
-class Drive:
-    """The driver that is examined, and how its runs are made."""
-
-    driver: str
-    seed: int
-    deadlines: Deadlines
+class ExaminedDriver(DriverSetup):
+    """The driver that is examined, and its runs."""
 
     def case(self, case: TestCase) -> ObservedRun:
         """Run one test case with a new driver."""
-        return self._observed(case, partial(new_driver, self.driver, self.deadlines))
+        return self._observed(case)
 
     def in_one_process(self, cases: tuple[TestCase, TestCase]) -> OneProcess:
         """Run two test cases in turn in this process."""
@@ -194,7 +188,7 @@ class Drive:
 
     def handover(self, case: TestCase) -> Handover:
         """Cut a clip out of a run and drive it."""
-        result = run_test_case(case, self.driver, self.seed, deadlines=self.deadlines)
+        result = self.run(case)
         if not result.passed:
             return Handover(math.nan, why=f"a clip is cut from a run that passes: {result.reason}")
         points = ForeseeRanker().rank(result.trace, seed=self.seed, before_s=CLIP_S, after_s=CLIP_S)
@@ -203,26 +197,17 @@ class Drive:
         handover_s = handover_of(new_driver(self.driver, self.deadlines), CLIP_S - DRIVES_S)
         file = Path(f"{case.scenario.name}_p1.foresee")
         clip = clip_around(case, result.trace, points[0], file, before_s=CLIP_S, after_s=CLIP_S, handover_s=handover_s)
-        deviation = measure_clip(
-            clip, case, result.trace, file, driver=self.driver, seed=self.seed, deadlines=self.deadlines
-        )[3]
+        deviation = measure_clip(clip, case, result.trace, file, self)[3]
         return Handover(deviation.ego_m, handover_s)
 
     def with_ideal_part(self, argument: tuple[TestCase, str]) -> ObservedRun:
         """Run a test case with the address of the same driver with an ideal part."""
         case, address = argument
-        result = run_test_case(case, address, self.seed, deadlines=self.deadlines)
+        result = replace(self, driver=address).run(case)
         return ObservedRun.of(result, digest=result.trace.digest)
 
-    def _observed(self, case: TestCase, make: Callable[[], Driver]) -> ObservedRun:
-        drivers = list[_ObservedDriver]()
-
-        def observed() -> Driver:
-            drivers.append(_ObservedDriver(make()))
-            return drivers[-1]
-
-        result = driven(case, observed, self.driver, self.seed, meta={"driver": self.driver}, deadlines=self.deadlines)
-        driver = drivers[-1]  # if a run was repeated for a check, the last run counts
+    def _observed(self, case: TestCase, make: Callable[[], Driver] | None = None) -> ObservedRun:
+        result, driver = self.run_in(_ObservedDriver, case, make)
         return ObservedRun.of(
             result,
             digest=result.trace.digest,

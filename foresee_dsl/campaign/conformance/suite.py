@@ -10,7 +10,7 @@ from typing import Any
 
 from foresee_dsl.campaign.conformance import checks
 from foresee_dsl.campaign.conformance.records import Check, Conformance, ConformanceCase
-from foresee_dsl.campaign.conformance.runs import Drive, Handover, ObservedRun, OneProcess
+from foresee_dsl.campaign.conformance.runs import ExaminedDriver, Handover, ObservedRun, OneProcess
 from foresee_dsl.campaign.driving import longest_s
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run, broken_verdict
@@ -59,11 +59,11 @@ def conform(
         DriverError: there is no such driver.
     """
     find_driver(driver)
-    cases, drive = conformance_cases(), Drive(driver, seed, deadlines)
+    cases, examined = conformance_cases(), ExaminedDriver(driver, seed, deadlines)
     folder = Path.cwd()
     files = dict(_files(folder))
     tasks = _Tasks(deadlines, on_task)
-    tasks.add(EMPTY, drive.case, cases[EMPTY])
+    tasks.add(EMPTY, examined.case, cases[EMPTY])
     first = _run(tasks.results(jobs)[EMPTY])
     start = checks.check_start(first)
     if first.ended_by_driver and not first.record.steps:
@@ -71,14 +71,14 @@ def conform(
 
     for name, case in cases.items():
         if name != EMPTY:
-            tasks.add(name, drive.case, case)
-    tasks.add(_ONE_PROCESS, drive.in_one_process, (cases[LEADER], cases[BENDS]), runs=_RUNS_IN_ONE_PROCESS)
-    tasks.add(_HANDOVER, drive.handover, cases[WALKER], runs=2)
+            tasks.add(name, examined.case, case)
+    tasks.add(_ONE_PROCESS, examined.in_one_process, (cases[LEADER], cases[BENDS]), runs=_RUNS_IN_ONE_PROCESS)
+    tasks.add(_HANDOVER, examined.handover, cases[WALKER], runs=2)
     ideal = {part: with_ideal(driver, {part}) for part in DriverPart if part in first.record.parts}
     for part, address in ideal.items() if not ideal_parts(driver) else ():
-        tasks.add(part, drive.with_ideal_part, (cases[WALKER], address), runs=_RUNS_OF_PART)
+        tasks.add(part, examined.with_ideal_part, (cases[WALKER], address), runs=_RUNS_OF_PART)
     results = {EMPTY: first, **tasks.results(jobs)}
-    tasks.add(_ELSEWHERE, drive.case, cases[LEADER])
+    tasks.add(_ELSEWHERE, examined.case, cases[LEADER])
     results |= tasks.results(1, fresh=True)
 
     runs = {name: _run(results[name]) for name in cases}

@@ -123,15 +123,12 @@ def run_campaign(
     with folder.working() as work:
         ran = run_missing(stages, work=work, store=store, listeners=listeners, options=options)
         with _no_search_for_cycles():
-            assembly = assemble(stages, out)
-            wall_s = time.monotonic() - started
-            result = CampaignResult(
-                settings, assembly.seeds, assembly.clips, wall_s, ran.stopped, ran.broken, assembly.minimised
-            )
+            result, traces = assemble(stages, out)
+            result = replace(result, interrupted=ran.stopped, broken=ran.broken)
             if repeat and not ran.stopped:
-                repeats = repeated(result, assembly.traces, stages, store, options)
-                result = replace(result, repeats=repeats, wall_s=time.monotonic() - started)
-            folder.publish(result, assembly.traces, store.blobs)
+                result = replace(result, repeats=repeated(result, traces, stages, store, options))
+            result = replace(result, wall_s=time.monotonic() - started)
+            folder.publish(result, traces, store.blobs)
     return result
 
 

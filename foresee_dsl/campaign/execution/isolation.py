@@ -34,9 +34,7 @@ from foresee_dsl.campaign.execution.processes import (
     end_orphans,
     end_session,
     end_started,
-    memory_mb,
     parent_of,
-    started_by,
 )
 from foresee_dsl.drivers.consent import allowed, allowing
 from foresee_dsl.drivers.process_state import changes_here
@@ -188,17 +186,6 @@ class Worker:
         """Return whether its present task exceeds its deadline by more than the grace in which it should end itself."""
         limit_s = self.current[1].deadline_s if self.current else None
         return limit_s is not None and time.monotonic() - self.since_s > limit_s + min(limit_s, _GRACE_S)
-
-    def memory_mb(self, limit_mb: float) -> float:
-        """Return the memory of the process and its descendants, MB; 0 on systems other than Linux.
-
-        The value is exact only above `limit_mb`.
-        """
-        return memory_mb(self.pid, limit_mb)
-
-    def started(self) -> int:
-        """Return the number of its descendants that still run."""
-        return len(started_by(self.pid))
 
     def left_behind(self) -> LeftBehind:
         """Return what a broken process left: its printed output, and whether and where it hung or crashed."""

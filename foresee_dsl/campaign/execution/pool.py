@@ -12,12 +12,12 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import Any, Literal, Self
 
 from foresee_dsl.campaign.execution.isolation import ProcessEnding, Task, Worker
-from foresee_dsl.campaign.execution.processes import MOST
+from foresee_dsl.campaign.execution.processes import MOST, memory_mb, started_by
 from foresee_dsl.campaign.settings import CampaignLimits, Shard
 
 Priority = tuple[int, ...]
@@ -258,6 +258,19 @@ class WorkerPool(Executor):
             if update.final:
                 yield update.task, update.value
 
+    def outcomes(self, tasks: Iterable[Task], on_end: Callable[[Any], None] = lambda _: None) -> list[Any]:
+        """Run tasks, and return the outcome of each, or its `BrokenTask`, in the order of the tasks.
+
+        `on_end`: called with each outcome as soon as its task ends.
+        """
+        numbered = [replace(task, key=str(k)) for k, task in enumerate(tasks)]
+        self.add(numbered)
+        outcomes: dict[str, Any] = {}
+        for task, outcome in self.results():
+            outcomes[task.key] = outcome
+            on_end(outcome)
+        return [outcomes[task.key] for task in numbered]
+
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
         """See `Executor`; `stop` is called ten times a second."""
         while self._tasks and not stop():
@@ -409,7 +422,7 @@ class WorkerPool(Executor):
             return  # the process has sent messages that were not read yet
         if worker.current is None:
             # Between two batches, a process that has grown is replaced, before it ends a task that did not cause it.
-            if worker.idle and worker.memory_mb(self._memory_mb / 2) > self._memory_mb / 2:
+            if worker.idle and memory_mb(worker.pid, self._memory_mb / 2) > self._memory_mb / 2:
                 self._drop(worker)
             return
         number, task = worker.current
@@ -417,11 +430,11 @@ class WorkerPool(Executor):
             self._drop(worker)
             reason = f"took longer than {task.deadline_s:g} s of wall time and was ended; --deadline allows more"
             yield self._ended(number, BrokenTask(task, reason, "timeout", worker.left_behind().output))
-        elif worker.started() > MOST:
+        elif len(started_by(worker.pid)) > MOST:
             self._drop(worker)
             reason = f"started more than {MOST:,} processes and was ended"
             yield self._ended(number, BrokenTask(task, reason, "memory", worker.left_behind().output))
-        elif worker.memory_mb(self._memory_mb) > self._memory_mb:
+        elif memory_mb(worker.pid, self._memory_mb) > self._memory_mb:
             alone = not worker.finished
             self._drop(worker)
             if alone:

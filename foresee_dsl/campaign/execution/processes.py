@@ -44,10 +44,11 @@ def started_by(pid: int) -> tuple[int, ...]:
 
 
 def memory_mb(pid: int, limit_mb: float) -> float:
-    """Return the memory of a process and its descendants, in MB.
+    """Return the memory of a process and its descendants, in MB; 0 on systems other than Linux.
 
-    The sum of their resident memory counts shared memory more than once; so if it exceeds `limit_mb`, each process is
-    counted with its proportional share, which the kernel takes longer to compute.
+    The value is exact only above `limit_mb`: the sum of their resident memory counts shared memory more than once; so
+    if it exceeds `limit_mb`, each process is counted with its proportional share, which the kernel takes longer to
+    compute.
     """
     everybody = (pid, *started_by(pid))
     seen_mb = sum(map(_resident_mb, everybody))

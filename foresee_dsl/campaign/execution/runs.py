@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
+from foresee_dsl.campaign.driving import DriverSetup, longest_s, sensors_of
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import DriverError
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunRecord, RunResult, Verdict
@@ -34,14 +33,7 @@ class CaseRun(RunRecord):
 
 
 def run_cases(
-    cases: Sequence[TestCase],
-    driver: str,
-    *,
-    seed: int = 0,
-    jobs: int = 1,
-    deadlines: Deadlines,
-    rules: RulesMode = RULES_MODE,
-    profiler: Profiler | None = None,
+    cases: Sequence[TestCase], setup: DriverSetup, *, jobs: int = 1, profiler: Profiler | None = None
 ) -> Iterator[CaseRun]:
     """Run test cases; yield each run as soon as it ends. `profiler` measures where the time goes.
 
@@ -51,12 +43,10 @@ def run_cases(
     # A single run uses no fork server, because starting it would take as long as the run.
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
+        run, deadlines = partial(or_driver_error, _run_case, setup), setup.deadlines or DEADLINES
         todo = (
-            Task(case.id,
-                 partial(or_driver_error, _run_case, driver=driver, seed=seed, deadlines=deadlines, rules=rules),
-                 replace(case, document=None), deadlines.for_run_s(longest_s(case)))
-            for case in cases
-        )  # fmt: skip
+            Task(case.id, run, replace(case, document=None), deadlines.for_run_s(longest_s(case))) for case in cases
+        )
         if profiler is None:
             pool.add(todo)
             results = pool.results()
@@ -69,10 +59,10 @@ def run_cases(
             yield case_run(tasks[task.name], outcome)
 
 
-def run_here(case: TestCase, driver: str, *, seed: int = 0, rules: RulesMode = RULES_MODE) -> CaseRun:
+def run_here(case: TestCase, setup: DriverSetup) -> CaseRun:
     """Run a test case in this process, for a debugger: without deadlines and without capturing printed output."""
-    result = run_test_case(case, driver, seed, deadlines=None, rules=rules)
-    return case_run(case, with_unfired(case, driver, result))
+    result = replace(setup, deadlines=None).run(case)
+    return case_run(case, with_unfired(case, setup.driver, result))
 
 
 def case_run(case: TestCase, outcome: RunResult | BrokenTask) -> CaseRun:
@@ -106,10 +96,10 @@ def broken_run(kind: type[R], broken: BrokenTask, **more: Any) -> R:  # noqa: AN
     return kind(verdict=verdict, reason=reason, notes=DriverNotes(output=broken.output), **more)
 
 
-def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines, rules: RulesMode) -> RunResult:
-    result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
+def _run_case(setup: DriverSetup, case: TestCase) -> RunResult:
+    result = setup.run(case)
     _ = result.near_misses  # computed here, because this process has imported the kernels already
-    return with_unfired(case, driver, result)
+    return with_unfired(case, setup.driver, result)
 
 
 def with_unfired(case: TestCase, driver: str, result: RunResult) -> RunResult:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
-from foresee_dsl.campaign.driving import driven, new_driver, recorded_run
+from foresee_dsl.campaign.driving import DriverSetup, recorded_setup
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.campaign.findings.written import read_written
@@ -20,7 +20,6 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_ideal
-from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside, write_whole
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
@@ -44,9 +43,7 @@ class Failing:
 
     name: str
     case: TestCase
-    driver: str
-    seed: int
-    rules: RulesMode = RULES_MODE
+    setup: DriverSetup
     campaign: Path | None = None
     number: int = 0
 
@@ -88,7 +85,7 @@ def failing_named(
     """
     path = Path(wanted)
     if "::" in wanted or (is_file(path) and kind_of(path) != "mutant"):
-        return Failing(wanted, load_test_case(wanted), driver or "pdm", seed or 0)
+        return Failing(wanted, load_test_case(wanted), DriverSetup(driver or "pdm", seed or 0))
     return _of_finding(find_failure(wanted, campaign, tests=True), driver, seed, run_programs=run_programs)
 
 
@@ -109,20 +106,22 @@ def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_prog
     file = wanted.minimised or wanted.file
     case = load_test_case(str(file))
     settings = wanted.data.get("settings", {})
-    recorded, its_seed = str(settings.get("driver", "pdm")), int(settings.get("seed", 0))
+    setup = DriverSetup(str(settings.get("driver", "pdm")), int(settings.get("seed", 0)))
     if case.mutant is not None:
-        recorded, its_seed = recorded_run(case.mutant.origin)
+        setup = recorded_setup(case)
     if not driver:
         instead = "--run-programs starts it; --driver chooses another driver"
-        refuse_programs([(recorded, Path(file))], instead, unless=run_programs)
+        refuse_programs([(setup.driver, Path(file))], instead, unless=run_programs)
     finding = wanted.finding
     own = finding is not None and finding["name"] == wanted.name and not driver and seed is None
     return Failing(
         wanted.name,
         case,
-        driver or recorded,
-        its_seed if seed is None else seed,
-        RulesMode(settings.get("rules", RULES_MODE)),
+        DriverSetup(
+            driver or setup.driver,
+            setup.seed if seed is None else seed,
+            rules=RulesMode(settings.get("rules", RULES_MODE)),
+        ),
         wanted.campaign if own else None,
         int(finding["number"]) if finding is not None and finding["name"] == wanted.name else 0,
     )
@@ -130,46 +129,30 @@ def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_prog
 
 def diagnose(failures: Sequence[Failing], jobs: int = 1) -> Iterator[DiagnosedFailure]:
     """Diagnose failures in processes of their own, in their order, and keep the results beside their campaigns."""
-    outcomes: dict[int, DiagnosedFailure] = {}
     with WorkerPool(jobs, once=len(failures) == 1) as pool:
-        tasks = [Task(f"{k} {failing.name}", _diagnosed, failing) for k, failing in enumerate(failures)]
-        pool.add(tasks)
-        for task, outcome in pool.results():
-            k = int(task.name.partition(" ")[0])
-            outcomes[k] = (
-                outcome
-                if isinstance(outcome, DiagnosedFailure)
-                else DiagnosedFailure(failures[k], None, _broken(outcome))
-            )
-    for k in range(len(failures)):
-        result = outcomes[k]
+        outcomes = pool.outcomes(Task(failing.name, _diagnosed, failing) for failing in failures)
+    for failing, outcome in zip(failures, outcomes, strict=True):
+        result = outcome
+        if isinstance(outcome, BrokenTask):
+            result = DiagnosedFailure(failing, None, f"it cannot be driven: {outcome.reason}")
         _keep(result)
         yield result
 
 
-def _broken(outcome: BrokenTask) -> str:
-    return f"it cannot be driven: {outcome.reason}"
-
-
 def _diagnosed(failing: Failing) -> DiagnosedFailure:
     """Diagnose one failure in this process."""
-    drivers: list[Driver] = []
+    setup, case = failing.setup, failing.case
+    ideal = ideal_parts(setup.driver)
 
-    def drive(ideal: frozenset[DriverPart]) -> RunResult:
-        address = with_ideal(failing.driver, ideal_parts(failing.driver) | ideal)
+    def drive(parts: frozenset[DriverPart]) -> RunResult:
+        return replace(setup, driver=with_ideal(setup.driver, ideal | parts)).run(case)
 
-        def make() -> Driver:
-            drivers.append(new_driver(address))
-            return drivers[-1]
-
-        return driven(failing.case, make, address, failing.seed, meta={"driver": address}, rules=failing.rules)
-
-    failed = drive(frozenset())
+    failed, driver = replace(setup, driver=with_ideal(setup.driver, ideal)).run_in(lambda driver: driver, case)
     if not failed.verdict.is_failure:
-        return DiagnosedFailure(failing, None, f"it does not fail with {failing.driver}: {failed.reason}")
-    declared = tuple(part for part in parts_of(drivers[-1]) if part not in ideal_parts(failing.driver))
-    bundle = compile_test_case(failing.case)
-    diagnosis = diagnosed(failed, bundle, drive, driver=failing.driver, seed=failing.seed, declared=declared)
+        return DiagnosedFailure(failing, None, f"it does not fail with {setup.driver}: {failed.reason}")
+    declared = tuple(part for part in parts_of(driver) if part not in ideal)
+    bundle = compile_test_case(case)
+    diagnosis = diagnosed(failed, bundle, drive, driver=setup.driver, seed=setup.seed, declared=declared)
     return DiagnosedFailure(failing, diagnosis)
 
 

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
-from typing import Protocol
 
-from foresee_dsl.avoidance.anticipating import Anticipation
-from foresee_dsl.avoidance.judges import AnyJudgement
-from foresee_dsl.avoidance.r157.assessing import Preventability
-from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.documents import or_null
@@ -22,20 +17,6 @@ from foresee_dsl.story import Story
 
 Failure = CaseRunOutcome | ChildOutcome
 """A failing test case or mutant."""
-
-
-class Outcomes(Protocol):
-    """The parts of a `CampaignResult` that grouping uses."""
-
-    @property
-    def seeds(self) -> tuple[CaseRunOutcome, ...]:
-        """Return the test cases."""
-        ...
-
-    @property
-    def clips(self) -> tuple[ClipOutcome, ...]:
-        """Return the clips with their mutants."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -60,12 +41,12 @@ class Finding:
     name: str
     story_as_found: Story
     representative: Failure
-    siblings: tuple[str, ...]
-    sibling_files: tuple[str, ...]
     test_case: str
     family: str
     file: str
     clip: str = ""
+    siblings: tuple[str, ...] = ()
+    sibling_files: tuple[str, ...] = ()
     minimised: Minimised | None = None
     avoided: int | None = None
     title: str = ""
@@ -91,12 +72,12 @@ class Finding:
             "count": self.count,
             "siblings": self.siblings,
             "sibling_files": self.sibling_files,
-            "preventability": self.preventability and self.preventability.verdict,
-            "why": self.preventability and self.preventability.why,
-            "anticipation": self.anticipation and self.anticipation.answer,
-            "anticipation_why": self.anticipation and self.anticipation.why,
+            "preventability": self.run.preventability and self.run.preventability.verdict,
+            "why": self.run.preventability and self.run.preventability.why,
+            "anticipation": self.run.anticipation and self.run.anticipation.answer,
+            "anticipation_why": self.run.anticipation and self.run.anticipation.why,
             "avoided": self.avoided,
-            "references": self.references,
+            "references": self.run.references,
             "ego_manoeuvre": self.story.ego_manoeuvre,
             "opponent_manoeuvre": or_null(self.story.opponent_manoeuvre),
             "place": self.story.place,
@@ -130,11 +111,6 @@ class Finding:
         return self.reduced.child if self.reduced is not None else self.representative
 
     @property
-    def run_file(self) -> str:
-        """Return the file of `run`; see `file`."""
-        return self.reduced.file if self.reduced is not None else self.file
-
-    @property
     def story(self) -> Story:
         """Return what happens in `run`."""
         return self.run.story or self.story_as_found
@@ -147,12 +123,7 @@ class Finding:
     @property
     def responsibility(self) -> Responsibility:
         """Return whose failure `run` is, and the reason in one line."""
-        return responsibility_of(self.story, self.verdict, self.judgements, self.references)
-
-    @property
-    def breaks_goal(self) -> bool:
-        """Return whether `run` broke the goal of its campaign; False without a goal."""
-        return self.run.breaks_goal
+        return responsibility_of(self.story, self.verdict, self.run.judgements, self.run.references)
 
     @property
     def order(self) -> tuple[bool, int, bool, float, tuple[int, bool, float], str]:
@@ -164,36 +135,15 @@ class Finding:
         """
         unprotected = self.story.opponent_kind in ("pedestrian", "bicycle", "motorcycle")
         speed_mps = self.run.impact.relative_mps if self.run.impact is not None else 0.0
-        change = _simplicity(self.run) if isinstance(self.run, ChildOutcome) else (0, False, 0.0)
-        whose = self.responsibility.whose.rank
-        return not self.breaks_goal, whose, not unprotected, -round(speed_mps, 1), change, self.name
-
-    @property
-    def judgements(self) -> tuple[AnyJudgement, ...]:
-        """Return the judges' answers about `run`."""
-        return self.run.judgements
-
-    @property
-    def references(self) -> tuple[ReferenceRun, ...]:
-        """Return the runs of reference drivers in the test case of `run`."""
-        return self.run.references
-
-    @property
-    def preventability(self) -> Preventability | None:
-        """Return the answer of the careful driver of UN Regulation 157 about `run`."""
-        return self.run.preventability
-
-    @property
-    def anticipation(self) -> Anticipation | None:
-        """Return the answer of the anticipating driver about `run`."""
-        return self.run.anticipation
+        whose, change = self.responsibility.whose.rank, _simplicity(self.run)
+        return not self.run.breaks_goal, whose, not unprotected, -round(speed_mps, 1), change, self.name
 
     @property
     def avoidable(self) -> bool:
         """Return whether a judge, or a reference driver for any of the failures, says that it could have been
         avoided.
         """
-        return any(judgement.avoids for judgement in self.judgements) or bool(self.avoided)
+        return any(judgement.avoids for judgement in self.run.judgements) or bool(self.avoided)
 
     @property
     def count(self) -> int:
@@ -201,33 +151,19 @@ class Finding:
         return 1 + len(self.siblings)
 
 
-@dataclass(frozen=True)
-class _FailureStory:
-    """A failure with its story and a measure of its simplicity (smaller is simpler)."""
-
-    name: str
-    failure: Failure
-    story: Story
-    test_case: str
-    family: str
-    file: str
-    clip: str
-    simplicity: tuple[int, bool, float]
-
-
 def story_cell(family: str, story: Story) -> tuple[str, ...]:
     """Return the words by which failures are grouped: failures of one family with equal stories are one finding."""
     return family, *story.signature
 
 
-def findings_of(result: Outcomes) -> tuple[Finding, ...]:
-    """Return the findings of a campaign, sorted by family, then by descending number of failures, then by name."""
-    groups: dict[tuple[str, ...], list[_FailureStory]] = defaultdict(list)
-    for failure in _failure_stories(result):
-        groups[story_cell(failure.family, failure.story)].append(failure)
-    findings = (
-        _finding(sorted(group, key=lambda failure: (failure.simplicity, failure.name))) for group in groups.values()
-    )
+def findings_of(seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]) -> tuple[Finding, ...]:
+    """Return the findings of a campaign's test cases and clips, sorted by family, then by descending number of
+    failures, then by name.
+    """
+    groups: dict[tuple[str, ...], list[Finding]] = defaultdict(list)
+    for failure in _failures(seeds, clips):
+        groups[story_cell(failure.family, failure.story_as_found)].append(failure)
+    findings = (_joined(sorted(g, key=lambda f: (_simplicity(f.representative), f.name))) for g in groups.values())
     return tuple(sorted(findings, key=lambda f: (_family_order(f.family), -f.count, f.name)))
 
 
@@ -242,31 +178,10 @@ TITLE_WORDS, TELLING_WORDS, CASE_WORDS = 12, 6, 4
 """Maximum number of words of a title, of its beginning by which a reader tells titles apart, and of a test case's name
 within it.
 """
-_NOT_LAST = frozenset(
-    (
-        "a",
-        "after",
-        "an",
-        "and",
-        "at",
-        "before",
-        "behind",
-        "by",
-        "for",
-        "from",
-        "in",
-        "of",
-        "on",
-        "or",
-        "out",
-        "over",
-        "the",
-        "to",
-        "under",
-        "with",
-        "without",
-    )
-)
+_NOT_LAST = frozenset((
+    "a", "after", "an", "and", "at", "before", "behind", "by", "for", "from", "in", "of", "on", "or", "out", "over",
+    "the", "to", "under", "with", "without",
+))  # fmt: skip
 """Words with which the shortened name of a test case does not end."""
 
 
@@ -306,44 +221,28 @@ def _family_order(family: str) -> tuple[bool, int, str]:
     return (not family.isdigit(), int(family) if family.isdigit() else 0, family)
 
 
-def _finding(group: list[_FailureStory]) -> Finding:
+def _joined(group: list[Finding]) -> Finding:
+    """Return the finding of failures with the same story, the simplest first."""
     first, *others = group
     others.sort(key=lambda failure: failure.name)
-    return Finding(
-        name=first.name,
-        story_as_found=first.story,
-        representative=first.failure,
+    driven = [failure.representative for failure in group if failure.representative.references]
+    return replace(
+        first,
         siblings=tuple(failure.name for failure in others),
         sibling_files=tuple(failure.file for failure in others),
-        test_case=first.test_case,
-        family=first.family,
-        file=first.file,
-        clip=first.clip,
-        avoided=_avoided([failure.failure for failure in group]),
+        avoided=sum(bool(run.avoided) for run in driven) if driven else None,
     )
 
 
-def _avoided(failures: list[Failure]) -> int | None:
-    driven = [failure for failure in failures if failure.references]
-    return sum(bool(failure.avoided) for failure in driven) if driven else None
-
-
-def _failure_stories(result: Outcomes) -> list[_FailureStory]:
-    failures = [
-        _FailureStory(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, False, 0.0))
-        for s in result.seeds
-        if s.story is not None
-    ]
-    for clip in result.clips:
+def _failures(seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]) -> Iterator[Finding]:
+    """Yield each failure with a story as a finding of its own."""
+    for case in seeds:
+        if case.story is not None:
+            yield Finding(case_file_name(case.id, case.scenario), case.story, case, case.id, case.family, case.id)
+    for clip in clips:
         for child in clip.failing:
             if child.story is not None:
-                simplicity = _simplicity(child)
-                failures.append(
-                    _FailureStory(
-                        child.name, child, child.story, clip.seed, clip.family, child.file, clip.file, simplicity
-                    )
-                )
-    return failures
+                yield Finding(child.name, child.story, child, clip.seed, clip.family, child.file, clip.file)
 
 
 def case_file_name(address: str, scenario: str) -> str:
@@ -352,13 +251,15 @@ def case_file_name(address: str, scenario: str) -> str:
     return f"{scenario}_{case}" if case else scenario
 
 
-def _simplicity(child: ChildOutcome) -> tuple[int, bool, float]:
+def _simplicity(run: Failure) -> tuple[int, bool, float]:
     """Return a sort key for simplicity.
 
     The key consists of the number of changed lines, whether one of them steers or swaps a model, and the sizes of the
-    changes.
+    changes. A test case has none.
     """
-    model = parse(child.text, child.name).model
+    if isinstance(run, CaseRunOutcome):
+        return 0, False, 0.0
+    model = parse(run.text, run.name).model
     changes = model.changes if isinstance(model, Mutant) else ()
     far = sum(abs(c.now.si - c.was.si) for c in changes if isinstance(c.now, Quantity) and isinstance(c.was, Quantity))
     implausible = any(c.property in ("steer", "model") for c in changes)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from foresee_dsl.campaign.assembly import with_header
-from foresee_dsl.campaign.driving import recorded_run, relative_path, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, recorded_setup, relative_path
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.keys import judged_identity, key
@@ -15,7 +15,7 @@ from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import risk_hash
-from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised, minimising_key
+from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
@@ -51,32 +51,32 @@ def minimise_file(
     """
     case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
     settings = wanted.data.get("settings", {})
-    recorded, seed = recorded_run(mutant.origin)
-    address = driver or recorded
-    if not driver:
+    setup = recorded_setup(case)
+    if driver:
+        setup = replace(setup, driver=driver)
+    else:
         refuse_programs(
-            [(address, Path(wanted.file))],
+            [(setup.driver, Path(wanted.file))],
             "--run-programs starts it; --driver chooses another driver",
             unless=run_programs,
         )
     folder = store_folder or wanted.store
     limit_m = float(settings.get("fidelity_limit_m", CampaignSettings.fidelity_limit_m))
-    run_seed = int(settings.get("seed", seed))
-    child = key(
-        ChildStep, clip=mutant.pin, meaning=case.meaning, driver=judged_identity(address, RULES_MODE), seed=seed
-    )
-    its = minimising_key(MinimiseStep, key, child=child, risk=risk_hash(clip), run_seed=run_seed, limit_m=limit_m,
-                         budget=budget)  # fmt: skip
+    run_seed = int(settings.get("seed", setup.seed))
+    identity = judged_identity(setup.driver, RULES_MODE)
+    # The keys are those of the steps of a campaign, whose results are found by them.
+    child = key(ChildStep, clip=mutant.pin, meaning=case.meaning, driver=identity, seed=setup.seed)
+    its = key(MinimiseStep, child=child, risk=risk_hash(clip), run_seed=run_seed, limit_m=limit_m, budget=budget)
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")
     if (stored := _stored_result(folder, its)) is not None:
         # The stored result may have the names of another campaign.
         return _checked(replace(stored, clip=clip.name, child=replace(stored.child, name=mutant.name))), parent, 0
-    work = _Work(parent, clip, mutant, absolute(wanted.file).parent, address, seed, run_seed, limit_m, budget)
+    work = _Work(parent, clip, mutant, absolute(wanted.file).parent, setup, run_seed, limit_m, budget)
     with Store(folder) as store:
         result, packed = _apart(work)
         if result.runs:
-            row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(result), driver=address,
+            row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(result), driver=setup.driver,
                       verdict=result.child.verdict.value, reason=result.child.reason)  # fmt: skip
             store.drop(its)
             store.add(row, packed)
@@ -91,8 +91,7 @@ class _Work:
     clip: Clip
     mutant: Mutant
     folder: Path
-    driver: str
-    seed: int
+    setup: DriverSetup
     run_seed: int
     limit_m: float
     budget: int
@@ -108,19 +107,18 @@ def _apart(work: _Work) -> tuple[Minimised, bytes | None]:
         DriverError: the process died or was ended.
     """
     with WorkerPool(1, deaths=1, once=True) as pool:
-        pool.add([Task(work.mutant.name, _minimise, work)])
-        ((_, outcome),) = pool.results()
+        (outcome,) = pool.outcomes([Task(work.mutant.name, _minimise, work)])
     if isinstance(outcome, BrokenTask):
         printed = f"; its output was: {outcome.output.strip()}" if outcome.output.strip() else ""
-        raise DriverError(f"{work.mutant.name} cannot be minimised with {work.driver}: {outcome.reason}{printed}")
+        raise DriverError(f"{work.mutant.name} cannot be minimised with {work.setup.driver}: {outcome.reason}{printed}")
     result: tuple[Minimised, bytes | None] = outcome
     return result
 
 
 def _minimise(work: _Work) -> tuple[Minimised, bytes | None]:
-    trace = run_test_case(work.parent, work.driver, work.run_seed).trace
+    trace = replace(work.setup, seed=work.run_seed).run(work.parent).trace
     subject = Subject(work.parent, work.clip, work.mutant, trace, work.folder)
-    result, last = minimised(subject, driver=work.driver, seed=work.seed, limit_m=work.limit_m, budget=work.budget)
+    result, last = minimised(subject, work.setup, limit_m=work.limit_m, budget=work.budget)
     return result, last.packed() if last is not None else None
 
 

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, longest_s
 from foresee_dsl.campaign.execution.pool import BrokenTask, RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.keys import key
@@ -20,8 +20,6 @@ from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row, Store
-from foresee_dsl.drivers.deadlines import Deadlines
-from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.trace import Trace
@@ -96,21 +94,24 @@ def _run_again(
     if not names:
         return
     limits, settings = options.limits, result.settings
-    run = partial(_ending, driver=settings.driver, rules=settings.rules, deadlines=limits.deadlines)
     with WorkerPool(min(options.jobs, len(names)), memory_mb=limits.memory_mb, fresh=True) as pool:
-        pool.add(
-            Task(name, run, (subjects[name].case, subjects[name].seed), limits.for_run(longest_s(subjects[name].case)))
+        outcomes = pool.outcomes(
+            Task(
+                name,
+                partial(_ending, DriverSetup(settings.driver, subjects[name].seed, limits.deadlines, settings.rules)),
+                subjects[name].case,
+                limits.for_run(longest_s(subjects[name].case)),
+            )
             for name in names
         )
-        for task, outcome in pool.results():
-            if outcome is not None and not isinstance(outcome, BrokenTask):
-                endings[task.name].append(outcome)
+    for name, outcome in zip(names, outcomes, strict=True):
+        if outcome is not None and not isinstance(outcome, BrokenTask):
+            endings[name].append(outcome)
 
 
-def _ending(subject: tuple[TestCase, int], *, driver: str, rules: RulesMode, deadlines: Deadlines) -> Ending | None:
+def _ending(setup: DriverSetup, case: TestCase) -> Ending | None:
     """Return how a run ends; None if it hangs, which depends on the machine."""
-    case, seed = subject
-    result = run_test_case(case, driver, seed, rules=rules, deadlines=deadlines)
+    result = setup.run(case)
     return None if result.notes.hang is not None else (result.verdict.value, result.trace.digest)
 
 

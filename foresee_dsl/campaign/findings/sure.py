@@ -11,7 +11,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import TypeVar
 
-from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, longest_s
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.diagnosing import Failing
 from foresee_dsl.campaign.findings.sureness import SEED, SEEDS, SIDE, Edge, HeatMap, Region, Sureness
@@ -20,14 +20,13 @@ from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language import model as m
-from foresee_dsl.language.campaign_values import RulesMode
+from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item, print_model
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant, expanded_model, other_sensor_errors, surroundings
 from foresee_dsl.language.project.loading import Project, load_test_case
-from foresee_dsl.language.sampling import values_of
 
 DRAWN = 5
 """Number of cases that are drawn inside the failing region. Ours: if 5 of 5 fail, at least 55 % of all cases in the
@@ -49,9 +48,11 @@ class _Subject:
 
     case: TestCase
     clip: TestCase | None
-    driver: str
-    seed: int
-    rules: RulesMode
+    setup: DriverSetup
+
+    def with_seed(self, seed: int) -> _Subject:
+        """Return the same with another sensor seed."""
+        return replace(self, setup=replace(self.setup, seed=seed))
 
 
 @dataclass(frozen=True)
@@ -83,14 +84,14 @@ def how_sure(
     clip = None
     if case.mutant is not None:
         clip = replace(load_test_case(str(absolute(case.source.parent / case.mutant.parent))), document=None)
-    subject = _Subject(case, clip, failing.driver, failing.seed, failing.rules)
-    runs = _Runs(subject, jobs, progress)
-    seeds = _seeds(failing.seed)
+    setup = failing.setup
+    runs = _Runs(_Subject(case, clip, setup), jobs, progress)
+    seeds = _seeds(setup.seed)
     reasons = runs.reasons(seeds)
     if not reasons[0]:
-        raise ForeseeError(f"{failing.name} does not fail with {failing.driver} and seed {failing.seed} any more")
+        raise ForeseeError(f"{failing.name} does not fail with {setup.driver} and seed {setup.seed} any more")
     failed = sum(map(bool, reasons))
-    sure = Sureness(failing.name, failing.number, failing.driver, reasons[0], len(seeds), failed)
+    sure = Sureness(failing.name, failing.number, setup.driver, reasons[0], len(seeds), failed)
     grids = [grid for grid in map(grid_of, case.mutant.changes if case.mutant else ()) if grid is not None]
     if not grids:
         return replace(sure, note="the finding changes no number, so there is no boundary, map or region")
@@ -116,7 +117,7 @@ class _Runs:
 
     def reasons(self, seeds: Iterable[int]) -> list[str]:
         """Return for each sensor seed how the failure's run ended; "" if it did not fail."""
-        return self._all(_reason, [replace(self.subject, seed=seed) for seed in seeds], 1)
+        return self._all(_reason, [self.subject.with_seed(seed) for seed in seeds], 1)
 
     def fail(self, variants: Iterable[_Variant]) -> list[Outcome]:
         """Return for each variant whether it fails."""
@@ -127,22 +128,21 @@ class _Runs:
         return tuple(self._all(partial(_edge, self.subject), list(grids), 2 * _FARTHEST))
 
     def _all(self, function: Callable[[Argument], Result], arguments: Sequence[Argument], runs: int) -> list[Result]:
-        outcomes: dict[str, Result] = {}
         self._planned += len(arguments)
         deadline_s = DEADLINES.for_run_s(longest_s(self.subject.case)) * runs
+        tasks = [Task(self.subject.case.id, function, argument, deadline_s) for argument in arguments]
         with WorkerPool(min(self._jobs, len(arguments))) as pool:
-            pool.add(Task(str(k), function, argument, deadline_s) for k, argument in enumerate(arguments))
-            for task, outcome in pool.results():
-                if isinstance(outcome, BrokenTask):
-                    raise ForeseeError(f"a run of {self.subject.case.id} broke: {outcome.reason}")
-                outcomes[task.name] = outcome
-                self._done += 1
-                self._progress(self._done, self._planned)
-        return [outcomes[str(k)] for k in range(len(arguments))]
+            return pool.outcomes(tasks, self._ended)
+
+    def _ended(self, outcome: object) -> None:
+        if isinstance(outcome, BrokenTask):
+            raise ForeseeError(f"a run of {outcome.task.name} broke: {outcome.reason}")
+        self._done += 1
+        self._progress(self._done, self._planned)
 
 
 def _reason(subject: _Subject) -> str:
-    result = run_test_case(subject.case, subject.driver, subject.seed, rules=subject.rules)
+    result = subject.setup.run(subject.case)
     return result.reason if result.verdict.is_failure else ""
 
 
@@ -158,12 +158,9 @@ def _fails(subject: _Subject, variant: _Variant) -> Outcome:
             case = expand_mutant(again, subject.clip, source=case.source)
         except InputError:
             return None
-    return _case_fails(replace(subject, seed=subject.seed if variant.seed is None else variant.seed), case)
-
-
-def _case_fails(subject: _Subject, case: TestCase) -> Outcome:
+    setup = subject.setup if variant.seed is None else subject.with_seed(variant.seed).setup
     try:
-        return run_test_case(case, subject.driver, subject.seed, rules=subject.rules).verdict.is_failure
+        return setup.run(case).verdict.is_failure
     except InputError:
         return None
 
@@ -321,7 +318,7 @@ def _region(runs: _Runs, box: _Box, out: Path | None) -> Region:
     with tempfile.TemporaryDirectory() as temporary:
         files = _scenarios(subject.clip, out or Path(temporary), [*lines, require], changes)
         scenario = Project(allow_outside=True).whole_scenario(files[-1])
-        drawn = [values_of(scenario, case) for case in scenario.all(m.Case)]
+        drawn = [case_values(scenario, case) for case in scenario.all(m.Case)]
         outcomes = runs.fail(_Variant(_at_values(subject, by_place, values)) for values in drawn)
     return Region(tuple(lines), require, len(outcomes), sum(map(bool, outcomes)), files if out is not None else ())
 

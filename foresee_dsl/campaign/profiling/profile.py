@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from foresee_dsl.campaign.profiling.clock import Measurement, Spent
-from foresee_dsl.documents import rounded
+from foresee_dsl.documents import every_field, rounded
 from foresee_dsl.measuring import Part
 
 _NS = 1e-9
@@ -34,8 +34,7 @@ class PartTime:
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         return {
-            "part": self.part,
-            "title": self.title,
+            **every_field(self),
             "cpu_s": rounded(self.cpu_s, 6),
             "wall_s": rounded(self.wall_s, 6),
             "ms_per_simulated_s": rounded(self.ms_per_simulated_s, 6),
@@ -74,18 +73,13 @@ class Profile:
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         return {
-            "drivers": self.drivers,
-            "parts": self.parts,
-            "runs": self.runs,
+            **every_field(self),
             "simulated_s": rounded(self.simulated_s, 2),
-            "decisions": self.decisions,
             "driver_share": rounded(self.driver_share, 4),
             "decision_ms": rounded(self.decision_ms, 6),
             "begin_s": rounded(self.begin_s, 6),
-            "workers": self.workers,
             "waited_s": rounded(self.waited_s, 3),
             "wall_s": rounded(self.wall_s, 3),
-            "not_measured": self.not_measured,
         }
 
     @classmethod

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, JudgedRun
@@ -96,30 +96,29 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
         DriverError: there is no such driver; no run was started.
     """
     find_driver(driver)
-    numbers = {str(k): test for k, test in enumerate(tests)}
-    runs: dict[str, ComparedRun] = {}
+    runs: list[ComparedRun] = []
     broken: list[str] = []
     label, longest_s = driver, deadlines.for_run_s(LONGEST_S)
+    setups = [DriverSetup(driver, test.seed, deadlines) for test in tests]
     with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
-        pool.add(
-            Task(number, partial(_run, test, deadlines=deadlines), driver, longest_s)
-            for number, test in numbers.items()
+        outcomes = pool.outcomes(
+            Task(test.address, partial(_run, test), setup, longest_s) for test, setup in zip(tests, setups, strict=True)
         )
-        for task, outcome in pool.results():
-            test = numbers[task.name]
-            if not isinstance(outcome, BrokenTask):
-                runs[task.name], label = outcome
-            elif outcome.how == "raised":
-                broken.append(f"{test.address}: {outcome.reason}")
-            else:
-                runs[task.name] = broken_run(ComparedRun, outcome, key=test.address, name=test.address, family="")
-    return Side(label, tuple(runs[number] for number in numbers if number in runs), tuple(sorted(broken)))
+    for test, outcome in zip(tests, outcomes, strict=True):
+        if not isinstance(outcome, BrokenTask):
+            run, label = outcome
+            runs.append(run)
+        elif outcome.how == "raised":
+            broken.append(f"{test.address}: {outcome.reason}")
+        else:
+            runs.append(broken_run(ComparedRun, outcome, key=test.address, name=test.address, family=""))
+    return Side(label, tuple(runs), tuple(sorted(broken)))
 
 
-def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[ComparedRun, str]:
+def _run(test: SuiteTest, setup: DriverSetup) -> tuple[ComparedRun, str]:
     case = load_test_case(test.address)
-    result = run_test_case(case, driver, test.seed, deadlines=deadlines)
-    label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
+    result = setup.run(case)
+    label = recorded_driver(setup.driver, str(result.trace.meta.get("driver_version", "")))
     run = ComparedRun.of(
         result,
         key=test.address,

@@ -11,8 +11,7 @@ from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.campaign.regression.edits import as_text, paths_in, with_doc, with_expected, with_name, with_paths
 from foresee_dsl.campaign.regression.expectations import expected_of, name_to_record, recorded_end, recorded_in
-from foresee_dsl.campaign.regression.index import write_index
-from foresee_dsl.campaign.regression.suite import PARENTS, stated_in, tests_in
+from foresee_dsl.campaign.regression.suite import PARENTS, stated_in, tests_in, write_index
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import read_outside, replacing

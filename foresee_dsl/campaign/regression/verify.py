@@ -23,8 +23,7 @@ from foresee_dsl.campaign.regression.expectations import (
     name_to_record,
     names_of,
 )
-from foresee_dsl.campaign.regression.index import write_index
-from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in
+from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in, write_index
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
@@ -144,22 +143,18 @@ class _Pool:
 
     def run(self, tests: Sequence[SuiteTest], *, check_pin: bool = True) -> tuple[Recheck, ...]:
         """Run tests; return their results in the same order."""
-        numbers = {str(k): test for k, test in enumerate(tests)}
-        results: dict[str, Recheck] = {}
         longest_s = self.deadlines.for_run_s(LONGEST_S)
         with WorkerPool(min(self.jobs, max(len(tests), 1))) as pool:
-            pool.add(
-                Task(number, partial(_recheck_in_worker, test, part=int(number) // _TOGETHER, check_pin=check_pin,
+            outcomes = pool.outcomes(
+                Task(test.address, partial(_recheck_in_worker, test, part=k // _TOGETHER, check_pin=check_pin,
                              deadlines=self.deadlines),
                      self.driver or test.driver, longest_s, shares=(str(test.file.parent),))
-                for number, test in numbers.items()
+                for k, test in enumerate(tests)
             )  # fmt: skip
-            for task, outcome in pool.results():
-                test = numbers[task.name]
-                results[task.name] = (
-                    _broken(test, outcome, self.driver, longest_s) if isinstance(outcome, BrokenTask) else outcome
-                )
-        return tuple(results[number] for number in numbers)
+        return tuple(
+            _broken(test, outcome, self.driver, longest_s) if isinstance(outcome, BrokenTask) else outcome
+            for test, outcome in zip(tests, outcomes, strict=True)
+        )
 
 
 def _broken(test: SuiteTest, broken: BrokenTask, driver: str, limit_s: float) -> Recheck:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.findings.failures import explained
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
@@ -54,8 +53,7 @@ class CaseStep(Step[None, None]):
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[CaseRunOutcome, Trace]:  # noqa: ARG002
         """Run the test case."""
         started = time.perf_counter()
-        settings = work.settings
-        result = run_test_case(case, settings.driver, self.seed, deadlines=work.deadlines, rules=settings.rules)
+        result = work.setup(self.seed).run(case)
         explanation = explained(case, result)
         outcome = CaseRunOutcome.of(
             result,

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import notes_of, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, notes_of
 from foresee_dsl.campaign.findings.failures import NOTHING, Explanation, explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.inputs import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import Comments, TestCase
@@ -61,10 +59,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
         file = work.folder / f"{self.name}.foresee"
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name})
-        outcome, result = run_child(
-            mutant, parent, file, driver=work.settings.driver, seed=self.seed, deadlines=work.deadlines,
-            meaning=self.mutant.meaning, rules=work.settings.rules,
-        )  # fmt: skip
+        outcome, result = run_child(mutant, parent, file, work.setup(self.seed), meaning=self.mutant.meaning)
         return outcome, result.trace if result.verdict.is_failure else None
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
@@ -75,22 +70,14 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
 
 
 def run_child(
-    mutant: Mutant,
-    clip_case: TestCase,
-    file: Path,
-    *,
-    driver: str,
-    seed: int,
-    deadlines: Deadlines = DEADLINES,
-    rules: RulesMode = RULES_MODE,
-    meaning: str = "",
+    mutant: Mutant, clip_case: TestCase, file: Path, setup: DriverSetup, *, meaning: str = ""
 ) -> tuple[ChildOutcome, RunResult]:
     """Run a mutant; write the result into it and, for a failure, whether a careful driver would have avoided it.
 
     `meaning`: hash of its test case's meaning, if already known.
     """
     case = expand_mutant(mutant, clip_case, source=file, meaning=meaning)
-    result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
+    result = setup.run(case)
     explanation = explained(case, result)
     mutant, story = with_found(mutant, result.reason, explanation), explanation.story
     outcome = ChildOutcome.of(

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import notes_of, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, notes_of
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
 from foresee_dsl.campaign.steps.inputs import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, share_within, with_fidelity
-from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -59,12 +57,8 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             raise ValueError(f"clip {self.draft.name} cannot be compared, because its parent's trace is missing")
         started = time.perf_counter()
         file = work.folder / f"{self.draft.name}.foresee"
-        text, driver = self.draft.text, work.settings.driver
-        own = clip_case(text, work.case, file)
-        model, result, fidelity = _measured(
-            clip_of(text), own, trace, driver=driver, seed=self.seed, deadlines=work.deadlines,
-            rules=work.settings.rules,
-        )  # fmt: skip
+        own = clip_case(self.draft.text, work.case, file)
+        model, result, fidelity = _measured(clip_of(self.draft.text), own, trace, work.setup(self.seed))
         outcome = ClipOutcome.of(
             result,
             seed=case.id,
@@ -92,15 +86,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
 
 
 def measure_clip(
-    model: Clip,
-    parent: TestCase,
-    parent_trace: Trace,
-    file: Path,
-    *,
-    driver: str,
-    seed: int,
-    deadlines: Deadlines = DEADLINES,
-    rules: RulesMode = RULES_MODE,
+    model: Clip, parent: TestCase, parent_trace: Trace, file: Path, setup: DriverSetup
 ) -> tuple[Clip, TestCase, RunResult, Deviation]:
     """Run a clip without mutation and write its deviation from its parent into it.
 
@@ -108,16 +94,13 @@ def measure_clip(
         The clip with its `fidelity` line, its test case, the run, and the deviation.
     """
     case = expand_clip(model, parent, source=file)
-    model, result, fidelity = _measured(
-        model, case, parent_trace, driver=driver, seed=seed, deadlines=deadlines, rules=rules
-    )
+    model, result, fidelity = _measured(model, case, parent_trace, setup)
     return model, case, result, fidelity
 
 
 def _measured(
-    model: Clip, case: TestCase, parent_trace: Trace, *, driver: str, seed: int, deadlines: Deadlines,
-    rules: RulesMode,
-) -> tuple[Clip, RunResult, Deviation]:  # fmt: skip
-    result = run_test_case(case, driver, seed, deadlines=deadlines, rules=rules)
+    model: Clip, case: TestCase, parent_trace: Trace, setup: DriverSetup
+) -> tuple[Clip, RunResult, Deviation]:
+    result = setup.run(case)
     fidelity = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
     return with_fidelity(model, fidelity), result, fidelity

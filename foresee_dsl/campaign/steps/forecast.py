@@ -133,8 +133,6 @@ def _draft(clip: Clip, rank: int) -> Draft:
         rank=rank,
         text=print_model(clip),
         name=clip.name,
-        parent=clip.parent,
-        case=clip.case or "",
         pin=clip_pin(clip, clip.pin),
         risk=risk_hash(clip),
     )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.avoidance.judges import judged
 from foresee_dsl.avoidance.responsibility import responsibility_of
-from foresee_dsl.campaign.driving import relative_path, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, relative_path
 from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
@@ -17,7 +17,6 @@ from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import TrialJudge
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -52,8 +51,8 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
         """Yield the single step of a mutant."""
         if result is not None:
             s = campaign.settings
-            key = minimising_key(cls, campaign.key, child=above.key, risk=above.draft.risk, run_seed=s.seed,
-                                 limit_m=s.fidelity_limit_m)  # fmt: skip
+            key = campaign.key(cls, child=above.key, risk=above.draft.risk, run_seed=s.seed,
+                               limit_m=s.fidelity_limit_m, budget=RUNS)  # fmt: skip
             yield cls(key, above.name, above.seed, above.draft, above.mutant, result.text)
 
     def folder(self, case: TestCase) -> str:  # noqa: ARG002
@@ -67,10 +66,8 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
         clip = clip.model_copy(update={"parent": relative_path(case.source, work.folder)})
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name, "parent": f"{clip.name}.foresee"})
         subject = Subject(case, clip, mutant, trace, work.folder)
-        return minimised(
-            subject, driver=work.settings.driver, seed=self.seed, limit_m=work.settings.fidelity_limit_m, budget=RUNS,
-            rules=work.settings.rules,
-        )  # fmt: skip
+        setup = DriverSetup(work.settings.driver, self.seed, rules=work.settings.rules)
+        return minimised(subject, setup, limit_m=work.settings.fidelity_limit_m, budget=RUNS)
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
         """Return the original mutant with the reason why the process that minimised it broke."""
@@ -78,31 +75,15 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
         return _as_found(child, clip_of(self.draft.text), f"not minimised: {reason}")
 
 
-def minimising_key(
-    step: type[MinimiseStep],
-    key: Callable[..., str],
-    *,
-    child: str,
-    risk: str,
-    run_seed: int,
-    limit_m: float,
-    budget: int = RUNS,
-) -> str:
-    """Return the key of minimising a mutant, which the command and the campaign share."""
-    return key(step, child=child, risk=risk, run_seed=run_seed, limit_m=limit_m, budget=budget)
-
-
-def minimised(
-    subject: Subject, *, driver: str, seed: int, limit_m: float, budget: int, rules: RulesMode = RULES_MODE
-) -> tuple[Minimised, Trace | None]:
+def minimised(subject: Subject, setup: DriverSetup, *, limit_m: float, budget: int) -> tuple[Minimised, Trace | None]:
     """Minimise a mutant and run the result; one that no longer fails is returned unchanged."""
     before = subject.clip
     try:
-        smaller = minimise(subject, judge_of(driver, seed, rules), limit_m=limit_m, budget=budget)
+        smaller = minimise(subject, judge_of(setup), limit_m=limit_m, budget=budget)
     except CannotMinimiseError as err:
-        child, result = _run(subject, before, subject.mutant, driver, seed, rules)
+        child, result = _run(subject, before, subject.mutant, setup)
         return _as_found(child, before, f"not minimised: {err}"), result.trace
-    child, result = _run(subject, smaller.clip, smaller.mutant, driver, seed, rules)
+    child, result = _run(subject, smaller.clip, smaller.mutant, setup)
     notes = (
         "" if smaller.complete else f"the budget of {budget} runs was not enough for all reductions",
         "" if smaller.cut_again else "not shortened: the run from which its clip was cut is not available",
@@ -135,7 +116,7 @@ def _actors(clip: Clip) -> int:
     return sum(isinstance(item, Actor) for item in clip.body)
 
 
-def judge_of(driver: str, seed: int, rules: RulesMode = RULES_MODE) -> TrialJudge:
+def judge_of(setup: DriverSetup) -> TrialJudge:
     """Return how mutants are run with a driver, and when two of their failures count as the same."""
 
     def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
@@ -148,12 +129,10 @@ def judge_of(driver: str, seed: int, rules: RulesMode = RULES_MODE) -> TrialJudg
     def avoided(case: TestCase, result: RunResult) -> str:
         return ", ".join(str(judgement.answer) for judgement in judged(Failure.of(result, case)))
 
-    return TrialJudge(drive=lambda case: run_test_case(case, driver, seed, rules=rules), sign=sign, avoided=avoided)
+    return TrialJudge(drive=setup.run, sign=sign, avoided=avoided)
 
 
-def _run(
-    subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int, rules: RulesMode
-) -> tuple[ChildOutcome, RunResult]:
+def _run(subject: Subject, clip: Clip, mutant: Mutant, setup: DriverSetup) -> tuple[ChildOutcome, RunResult]:
     case = expand_clip(clip, subject.parent, source=subject.folder / f"{clip.name}.foresee")
     file = subject.folder / f"{mutant.name}.foresee"
-    return run_child(mutant, case, file, driver=driver, seed=seed, rules=rules)
+    return run_child(mutant, case, file, setup)

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
-from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Minimised
+from foresee_dsl.campaign.steps.case_reference import Reference, drive_failure
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
-from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
-from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 
@@ -55,11 +53,5 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
         clip_model = clip_of(self.clip)
         clip = expand_clip(clip_model, case, source=work.folder / f"{clip_model.name}.foresee")
         child = expand_mutant(mutant_of(self.mutant), clip, source=work.folder / f"{self.name}.foresee")
-
-        def before() -> Verdict:
-            deadlines, rules = work.deadlines, work.settings.rules
-            return run_test_case(clip, self.driver, self.seed, deadlines=deadlines, rules=rules).verdict
-
-        return driven(
-            self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines, rules=work.settings.rules
-        )
+        setup = work.setup(self.seed, self.driver)
+        return drive_failure(setup, child, lambda: setup.run(clip).verdict, trace)

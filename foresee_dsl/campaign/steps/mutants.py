@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.inputs import clip_case, clip_of, mutant_of
 from foresee_dsl.campaign.steps.requests import NO_ROUNDS, RoundRequest
@@ -57,7 +56,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
         """Yield one step per seed."""
         s, draft = campaign.settings, above.draft
-        request = RoundRequest(int(s.in_rounds), campaign.earlier.requests(draft.text) if campaign.earlier else ())
+        request = RoundRequest(int(s.in_rounds), campaign.earlier(draft.text) if campaign.earlier else ())
         request_part = {"asked": request.identity} if request.children else {}
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
@@ -132,7 +131,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
         """
         settings = work.settings
         case = expand_mutant(near, parent, source=work.folder / f"{near.name}.foresee")
-        run = run_test_case(case, settings.driver, self.seed, deadlines=work.deadlines, rules=settings.rules)
+        run = work.setup(self.seed).run(case)
         if run.verdict is not Verdict.PASS:
             return None
         points = ForeseeRanker().rank(run.trace, seed=self.seed, before_s=FROM_S, after_s=0.0)

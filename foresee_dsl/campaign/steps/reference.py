@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Self
 
 from foresee_dsl.avoidance.references import ReferenceRun
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft
+from foresee_dsl.campaign.steps.case_reference import Reference, drive_failure
 from foresee_dsl.campaign.steps.child import ChildStep
-from foresee_dsl.campaign.steps.inputs import clip_case, mutant_of
-from foresee_dsl.campaign.steps.referring import Reference, driven, verdict_of_clip
+from foresee_dsl.campaign.steps.inputs import CaseRef, clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 
@@ -43,12 +46,26 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:  # noqa: ARG002
         """Run the mutant, then the clip; compare the mutant's run with the failing one."""
-        file = work.folder / f"{self.draft.name}.foresee"
+        file, setup = work.folder / f"{self.draft.name}.foresee", work.setup(self.seed, self.driver)
         clip = clip_case(self.draft.text, work.case, file)
         child = expand_mutant(mutant_of(self.mutant.text), clip, source=work.folder / f"{self.name}.foresee")
-        before = partial(verdict_of_clip, self.draft.text, work.case, file, driver=self.driver, seed=self.seed,
-                         deadlines=work.deadlines, rules=work.settings.rules)  # fmt: skip
-        run, _ = driven(
-            self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines, rules=work.settings.rules
-        )
-        return run, None
+        before = partial(verdict_of_clip, self.draft.text, work.case, file, setup)
+        return drive_failure(setup, child, before, trace)[0], None
+
+
+_MOST_KNOWN = 64
+"""Maximum number of cached verdicts. Ours: a few drivers for each of the clips that a process caches."""
+_KNOWN: dict[tuple[str, CaseRef, DriverSetup], Verdict] = {}
+"""Verdicts of clips with reference drivers, cached because failing mutants of one clip share them."""
+
+
+def verdict_of_clip(text: str, parent: CaseRef, file: Path, setup: DriverSetup) -> Verdict:
+    """Return the verdict of a clip without mutation, cached per process."""
+    verdict = _KNOWN.get((text, parent, setup))
+    if verdict is None:
+        verdict = setup.run(clip_case(text, parent, file)).verdict
+        if verdict is Verdict.PASS or verdict.is_failure:  # runs that crashed or took too long are repeated
+            while len(_KNOWN) >= _MOST_KNOWN:
+                del _KNOWN[next(iter(_KNOWN))]
+            _KNOWN[text, parent, setup] = verdict
+    return verdict

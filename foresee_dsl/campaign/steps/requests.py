@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, replace
-from typing import Protocol
 
 from foresee_dsl.derive.mutate import Draw, How, PlanNames
 
@@ -59,11 +58,3 @@ class RoundRequest:
 
 NO_ROUNDS = RoundRequest()
 """The request of a campaign without rounds."""
-
-
-class EarlierFailures(Protocol):
-    """The failing mutants of earlier campaigns (`campaign.allocation.earlier`)."""
-
-    def requests(self, clip: str) -> tuple[RequestedMutant, ...]:
-        """Return those that are run first in a clip with this text."""
-        ...

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
-from foresee_dsl.campaign.driving import longest_s
+from foresee_dsl.campaign.driving import DriverSetup, longest_s
 from foresee_dsl.campaign.records import Draft, Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef, load_case, load_trace
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
@@ -19,7 +19,7 @@ from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
-    from foresee_dsl.campaign.steps.requests import EarlierFailures
+    from foresee_dsl.campaign.steps.requests import RequestedMutant
 
 Above = TypeVar("Above")
 """Type of the step that a step follows from; None for the first step."""
@@ -35,7 +35,8 @@ class KeyInputs:
         driver, ranker, operators: their identities in keys (see `campaign.keys`).
         references: each reference driver's address, and its identity in keys.
         key: returns the key of a step's class and the parts that its result depends on.
-        earlier: the failing mutants of earlier campaigns, which are run first; None if there are none.
+        earlier: returns the failing mutants of earlier campaigns that are run first in a clip with a text; None if
+            there are none.
     """
 
     settings: CampaignSettings
@@ -44,7 +45,7 @@ class KeyInputs:
     operators: str
     references: tuple[tuple[str, str], ...]
     key: Callable[..., str]
-    earlier: EarlierFailures | None = None
+    earlier: Callable[[str], tuple[RequestedMutant, ...]] | None = None
 
     @property
     def goal(self) -> dict[str, str]:
@@ -70,6 +71,10 @@ class Work:
     folder: Path
     trace: InputRef | None = None
     deadlines: Deadlines = DEADLINES
+
+    def setup(self, seed: int, driver: str = "") -> DriverSetup:
+        """Return how runs with a seed are driven; `driver`: another driver than that of the campaign."""
+        return DriverSetup(driver or self.settings.driver, seed, self.deadlines, self.settings.rules)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from foresee_dsl.errors import ForeseeError
 
@@ -77,14 +76,10 @@ class Lock:
         self._descriptor = None
 
 
-class _Held(NamedTuple):
-    """Folders locked by this process, with the number of nested requests."""
-
-    locks: dict[Path, Lock]
-    times: Counter[Path]
-
-
-_HELD = _Held({}, Counter())
+_LOCKS: dict[Path, Lock] = {}
+"""The locks of this process, by folder."""
+_REQUESTS: Counter[Path] = Counter()
+"""Number of nested requests of each folder's lock."""
 
 
 @contextlib.contextmanager
@@ -100,9 +95,9 @@ def only_writer(folder: Path, option: str) -> Iterator[None]:
     """
     folder.mkdir(parents=True, exist_ok=True)
     whole = folder.resolve()
-    if not _HELD.times[whole]:
+    if not _REQUESTS[whole]:
         try:
-            _HELD.locks[whole] = Lock(whole / _NAME)
+            _LOCKS[whole] = Lock(whole / _NAME)
         except LockedError as err:
             if err.holder:
                 raise ForeseeError(
@@ -113,13 +108,13 @@ def only_writer(folder: Path, option: str) -> Iterator[None]:
                 f"the folder {folder} cannot be locked ({err.cause}): is it on a network drive without locks? Name "
                 f"another folder with {option}"
             ) from err
-    _HELD.times[whole] += 1
+    _REQUESTS[whole] += 1
     try:
         yield
     finally:
-        _HELD.times[whole] -= 1
-        if not _HELD.times[whole]:
-            _HELD.locks.pop(whole).release()
+        _REQUESTS[whole] -= 1
+        if not _REQUESTS[whole]:
+            _LOCKS.pop(whole).release()
 
 
 def _this_process() -> str:

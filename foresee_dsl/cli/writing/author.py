@@ -137,15 +137,15 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
 
 
 def _document(file: Path, scenario: Scenario, cases: Sequence[Case], covered: Coverage) -> str:
+    from foresee_dsl.language.arithmetic.cases import case_values
     from foresee_dsl.language.printer import value_text
-    from foresee_dsl.language.sampling import values_of
 
     return json_document(
         {
             "file": str(file),
             "scenario": scenario.name,
             "cases": [
-                {"name": case.name, "values": {n: value_text(v) for n, v in values_of(scenario, case).items()}}
+                {"name": case.name, "values": {n: value_text(v) for n, v in case_values(scenario, case).items()}}
                 for case in cases
             ],
             "distinct": covered.distinct,
@@ -160,12 +160,12 @@ def _document(file: Path, scenario: Scenario, cases: Sequence[Case], covered: Co
 
 
 def _print_table(scenario: Scenario, cases: Sequence[Case], covered: Coverage) -> None:
+    from foresee_dsl.language.arithmetic.cases import case_values
     from foresee_dsl.language.model import Param
     from foresee_dsl.language.printer import value_text
-    from foresee_dsl.language.sampling import values_of
 
     names = [param.name for param in scenario.all(Param)]
-    rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]
+    rows = [[case.name, *(value_text(case_values(scenario, case)[name]) for name in names)] for case in cases]
     for block in _blocks(["case", *names], rows):
         typer.echo("\n".join(block) + "\n")
     for reach in covered.reaches:

@@ -84,8 +84,8 @@ def draw(
         with replacing(png) as temporary:
             temporary.write_bytes(data)
         _say(f"wrote {png}")
-    if drawing.mistakes:
-        for number, mistake in enumerate(drawing.mistakes, start=1):
+    if drawing.subject.mistakes:
+        for number, mistake in enumerate(drawing.subject.mistakes, start=1):
             place = f"{mistake.text.path.name}:{mistake.text.line}: " if mistake.text is not None else ""
             _say(f"{number}: {place}{mistake.message}")
         raise typer.Exit(FAILED)

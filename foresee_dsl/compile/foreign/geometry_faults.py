@@ -9,13 +9,13 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.roads.polyline import (
-    MERGE_M,
     XY,
     Points,
     direction,
     distance,
     distance_to,
     distinct,
+    first_ahead,
     lengths,
     wrap,
 )
@@ -177,18 +177,8 @@ def joined(parts: Sequence[Sequence[XY]]) -> Points:
     """Return consecutive lanes as one line, as in a route's line. A point that would lead backwards is left out."""
     line = list(parts[0])
     for part in parts[1:]:
-        x, y = line[-1]
-        ahead = (part[1][0] - part[0][0], part[1][1] - part[0][1])
-        line += _onward(part, x, y, ahead)
+        line += part[first_ahead(line[-1], part) :]
     return tuple(line)
-
-
-def _onward(part: Sequence[XY], x: float, y: float, ahead: XY) -> Sequence[XY]:
-    for k, point in enumerate(part):
-        dx, dy = point[0] - x, point[1] - y
-        if math.hypot(dx, dy) >= MERGE_M and dx * ahead[0] + dy * ahead[1] > 0:
-            return part[k:]
-    return ()
 
 
 def simplified(points: Sequence[XY]) -> Points:

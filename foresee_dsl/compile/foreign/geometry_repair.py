@@ -1,12 +1,12 @@
 """Repairs faults of a net's lines where that is safe (rounds corners of lanes, leads connections smoothly from lane to
-lane), and closes the lanes and connections with other faults."""
+lane, cuts lanes that overlap), and closes the lanes and connections with other faults."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from xml.etree.ElementTree import (  # no parsing: that is safe_xml's
     Element,  # the type only; files are parsed by safe_xml
     SubElement,
@@ -27,7 +27,17 @@ from foresee_dsl.compile.foreign.geometry_faults import (
     turns,
 )
 from foresee_dsl.compile.nets.net_reader import FAULT, points_of, topology_of
-from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, distance_to, interpolate, lengths
+from foresee_dsl.compile.roads.polyline import (
+    XY,
+    Points,
+    direction,
+    distance,
+    distance_to,
+    interpolate,
+    lengths,
+    stretch,
+    wrap,
+)
 from foresee_dsl.compile.roads.topology import Movement, Topology
 
 REPAIRED = "foresee.repaired"
@@ -224,7 +234,7 @@ class _Centrelines:
         own = [max(lengths(self._shapes[name])[-1], 0.1) for name in movement.via]
         cuts = [marks[-1] * sum(own[:k]) / sum(own) for k in range(len(own) + 1)]
         for name, (a, b) in zip(movement.via, pairwise(cuts), strict=True):
-            piece = _cut(line, marks, a, b)
+            piece = stretch(line, a, b)
             self._put(name, piece, lengths(self._shapes[name])[-1] - lengths(piece)[-1])
 
     def _put(self, lane: str, line: Points, shorter_m: float) -> None:
@@ -257,13 +267,11 @@ def _with_heights(line: Points, old: str) -> str:
 
 
 def _without_end(line: Points, by_m: float) -> Points:
-    marks = lengths(line)
-    return _cut(line, marks, 0.0, marks[-1] - by_m) if by_m else line
+    return stretch(line, 0.0, lengths(line)[-1] - by_m) if by_m else line
 
 
 def _without_beginning(line: Points, by_m: float) -> Points:
-    marks = lengths(line)
-    return _cut(line, marks, by_m, marks[-1]) if by_m else line
+    return stretch(line, by_m, lengths(line)[-1]) if by_m else line
 
 
 def rounded(shape: Points, aside_m: float) -> Points | None:
@@ -287,7 +295,7 @@ def _roundings(line: Points, corner: int) -> Iterator[Points]:
     over_m = turns(line)[corner - 1][1]
     for reach in _REACHES_M:
         begin, end = max(marks[corner] - reach, 0.0), min(marks[corner] + over_m + reach, marks[-1])
-        before, after = _cut(line, marks, 0.0, begin), _cut(line, marks, end, marks[-1])
+        before, after = stretch(line, 0.0, begin), stretch(line, end, marks[-1])
         for pull in _PULLS:
             here = direction(*before[-2:]) if len(before) > 1 else None
             there = direction(*after[:2]) if len(after) > 1 else None
@@ -322,11 +330,78 @@ def _bezier(start: XY, here: float | None, end: XY, there: float | None, pull: f
     return tuple(points)
 
 
-def _cut(points: Sequence[XY], marks: Sequence[float], from_m: float, to_m: float) -> Points:
-    """Return the stretch of a line between two positions along it; a single point if they are equal."""
-    xs, ys = zip(*points, strict=True)
-    first, last = ((interpolate(at, marks, xs), interpolate(at, marks, ys)) for at in (from_m, to_m))
-    if to_m - from_m < 1e-6:
-        return (first,)
-    inner = (point for point, at in zip(points, marks, strict=True) if from_m + 1e-6 < at < to_m - 1e-6)
-    return (first, *inner, last)
+# ---- overlapping lanes ----------------------------------------------------------------------------------------------
+
+
+_LEAST_OVERLAP_M = 0.1
+"""Length below which an overlap is attributed to rounding, m (ours; netconvert rounds to 1 cm)."""
+_BACK_RAD = math.radians(100)
+"""A turn from one lane to the next by more than this is a reversal, rad (ours: a usual street corner has 90 degrees).
+"""
+_STUB_M = 0.2
+"""Length to which a lane wholly within the overlap is cut, m (ours: SUMO's shortest lanes in CARLA's towns have
+0.13 m)."""
+
+
+def repair_overlaps(root: Element) -> int:
+    """Cut lanes that begin before the previous lane ends, so that no vehicle reverses between the two; return the
+    number of repaired pairs of lanes.
+
+    Third-party editions of CARLA's Town03 have such a place: two stubs of 0.2 m inside a roundabout, joined in the
+    wrong order, with 7.6 m backwards between them; netconvert 1.28 keeps them. The later lane is cut, and the internal
+    lanes after it if it is too short.
+    """
+    lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
+    ways = {movement.ends: movement.via for movement in topology_of(root).movements}
+    repaired = 0
+    for (before, after), via in sorted(ways.items()):
+        if len(via) != 1 or not {before, after, *via} <= lanes.keys():
+            continue
+        begin, joint, end = (_points(lanes[name]) for name in (before, via[0], after))
+        if min(len(begin), len(joint), len(end)) < 2 or not _turns_back(begin, joint, end):
+            continue
+        overlap_m = distance(joint[0], joint[-1])
+        onward = [inner for (lane, _), inner in ways.items() if lane == after]
+        if _shorten_chain([after, *(onward[0] if onward else ())], lanes, overlap_m + _STUB_M):
+            for inner in onward[1:]:
+                _shorten_chain([after, *inner], lanes, 0.0)
+            _write(lanes[via[0]], (begin[-1], _points(lanes[after])[0]))
+            repaired += 1
+    return repaired
+
+
+def _turns_back(begin: Sequence[XY], joint: Sequence[XY], end: Sequence[XY]) -> bool:
+    back = direction(joint[0], joint[-1])
+    return (
+        distance(joint[0], joint[-1]) > _LEAST_OVERLAP_M
+        and abs(wrap(back - direction(*begin[-2:]))) > _BACK_RAD
+        and abs(wrap(back - direction(*end[:2]))) > _BACK_RAD
+    )
+
+
+def _shorten_chain(names: Sequence[str], lanes: dict[str, Element], from_m: float) -> bool:
+    """Remove a length from the beginning of a chain of lanes, in which lanes within that length become stubs; return
+    True.
+
+    If the chain is too short, change nothing and return False.
+    """
+    shapes = [_points(lanes[name]) for name in names]
+    chain = [shapes[0][0], *(point for shape in shapes for point in shape[1:])]
+    ends = list(accumulate(lengths(shape)[-1] for shape in shapes))
+    if ends[-1] < from_m + _STUB_M * (len(names) + 1):
+        return False
+    at = from_m
+    for name, end in zip(names, ends, strict=True):
+        until = max(end, at + _STUB_M)
+        _write(lanes[name], stretch(chain, at, until))
+        at = until
+    return True
+
+
+def _write(lane: Element, shape: Sequence[XY]) -> None:
+    lane.set("shape", " ".join(f"{x:.2f},{y:.2f}" for x, y in shape))
+    lane.set("length", f"{max(lengths(shape)[-1], 0.1):.2f}")  # SUMO 1.28 makes shorter lanes 0.1 m long
+
+
+def _points(lane: Element) -> Points:
+    return points_of(lane.get("shape", ""))

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
 
-from foresee_dsl.compile.foreign.geometry_repair import repair_geometry
-from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
+from foresee_dsl.compile.foreign.geometry_repair import repair_geometry, repair_overlaps
 from foresee_dsl.compile.foreign.opendrive_geometry import number
 from foresee_dsl.compile.foreign.opendrive_reading import (
     crosswalks_of,

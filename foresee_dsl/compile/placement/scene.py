@@ -34,7 +34,6 @@ from foresee_dsl.compile.placement.statements import (
     recorded_state,
     route_of,
     si,
-    steering_of,
     timed,
     track_of,
 )
@@ -95,18 +94,9 @@ class SceneBuilder:
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
         self._playbacks = self._read_playbacks()
         self._starts = StartSearch(network, self._actors, self._spec_of, self._playbacks)
-        self._waiting = {
-            action.actor
-            for when in scenario.all(m.When)
-            for action in all_actions(when.actions)
-            if isinstance(action, m.Starts)
-        }
-        self._guided = {
-            action.actor
-            for when in scenario.all(m.When)
-            for action in all_actions(when.actions)
-            if isinstance(action, m.FollowsPath | m.Reverses)
-        }
+        actions = [action for when in scenario.all(m.When) for action in all_actions(when.actions)]
+        self._waiting = {action.actor for action in actions if isinstance(action, m.Starts)}
+        self._guided = {action.actor for action in actions if isinstance(action, m.FollowsPath | m.Reverses)}
         self._names = NameChecks(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.first(m.End)) is not None else DEFAULT_END_S
 
@@ -418,7 +408,7 @@ class SceneBuilder:
             brakes=timed(brakes.braking, brakes) if brakes is not None else None,
             playback=self._playbacks.get(actor.name),
             recorded=tuple(map(recorded_state, items(actor, m.Recorded))) if placed.control == "ego" else (),
-            steering=steering_of(steers) if steers is not None else None,
+            steering=timed(steers.value, steers) if steers is not None else None,
             guided=actor.name in self._guided,
             backs_mps=max(-si(state.speed), 0.0) if state is not None else 0.0,
             ignores=tuple(

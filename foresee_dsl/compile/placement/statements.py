@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from foresee_dsl.compile.bundle import ModelSpec, Playback, RecordedState, Steering, TimedValue
+from foresee_dsl.compile.bundle import ModelSpec, Playback, RecordedState, TimedValue
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind
@@ -78,7 +78,7 @@ def playback_of(actor: m.Ego | m.Actor, track: FileTrack, spec: ModelSpec) -> Pl
     )
 
 
-def timed(value: m.AnyValue, statement: m.Line | m.Brakes) -> TimedValue:
+def timed(value: m.AnyValue, statement: m.Line | m.Brakes | m.Steers) -> TimedValue:
     """Return the value of a statement with the time for which it holds."""
     until_s = math.inf if statement.duration is None else si(statement.start) + si(statement.duration)
     return TimedValue(si(value), si(statement.start), until_s)
@@ -110,8 +110,3 @@ def recorded_state(statement: m.Recorded) -> RecordedState:
         acceleration_mps2=si(state.acceleration),
         steer_rad=si(state.steer),
     )
-
-
-def steering_of(steers: m.Steers) -> Steering:
-    """Return a steering perturbation."""
-    return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))

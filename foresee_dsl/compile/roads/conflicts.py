@@ -114,5 +114,5 @@ def _overlap(
 
 
 def _interval(line: Polyline, corners: NDArray[np.float64]) -> tuple[float, float]:
-    s, _ = line.project(corners[:, 0], corners[:, 1])
-    return max(float(s.min()), 0.0), min(float(s.max()), line.length_m)
+    s = [line.project(x, y)[0] for x, y in corners.tolist()]
+    return max(min(s), 0.0), min(max(s), line.length_m)

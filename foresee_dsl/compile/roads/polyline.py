@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate, pairwise, starmap
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -122,22 +122,13 @@ class Polyline:
         x, y = x0 + t * (x1 - x0), y0 + t * (y1 - y0)
         return float(x - offset_m * math.sin(heading)), float(y + offset_m * math.cos(heading)), wrap(heading)
 
-    @overload
-    def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]: ...
-    @overload
-    def project(self, x: FloatArray, y: FloatArray, near_s: None = None) -> tuple[FloatArray, FloatArray]: ...
-
-    def project(
-        self, x: float | FloatArray, y: float | FloatArray, near_s: float | None = None
-    ) -> tuple[float, float] | tuple[FloatArray, FloatArray]:
-        """Return the position along the line nearest to a point (m, numbers or [K]), and the distance sideways (left
-        positive). Before the line's beginning the position is negative, after its end it exceeds `length_m`.
+    def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]:
+        """Return the position along the line nearest to a point, m, and the distance sideways (left positive). Before
+        the line's beginning the position is negative, after its end it exceeds `length_m`.
 
         The nearest point is searched within 12 m of `near_s`, which is faster and finds the right pass if the line
         passes the point twice; if it is not there, on the whole line.
         """
-        if getattr(x, "ndim", 0):
-            return self._project_many(x, y)  # type: ignore[arg-type]  # an array, as the overload says
         last = len(self._segments)
         px, py = float(x), float(y)
         if near_s is not None:
@@ -209,24 +200,6 @@ class Polyline:
             k += 1
         return at, share
 
-    def _project_many(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        import numpy as np
-
-        x0, y0, dx, dy, inverse = self._columns
-        px, py = x[:, None] - x0, y[:, None] - y0
-        t = (px * dx + py * dy) * inverse
-        inside = np.clip(t, 0.0, 1.0)
-        best = ((px - inside * dx) ** 2 + (py - inside * dy) ** 2).argmin(axis=1)
-        pairs = [self._result(int(k), float(t[i, k]), float(x[i]), float(y[i])) for i, k in enumerate(best)]
-        out = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-        return out[:, 0], out[:, 1]
-
-    @cached_property
-    def _columns(self) -> tuple[FloatArray, ...]:
-        import numpy as np
-
-        return tuple(np.array(self._segments, dtype=np.float64).T.copy())
-
     def _result(self, k: int, t: float, x: float, y: float) -> tuple[float, float]:
         """Return position and sideways distance of a point whose nearest point is at share t of segment k."""
         x0, y0, sx, sy, inverse = self._segments[k]
@@ -293,6 +266,27 @@ def interpolate(at: float, marks: Sequence[float], values: Sequence[float]) -> f
         return values[-1]
     k = bisect_right(marks, at) - 1
     return (values[k + 1] - values[k]) / (marks[k + 1] - marks[k]) * (at - marks[k]) + values[k]
+
+
+def stretch(points: Sequence[XY], from_m: float, to_m: float) -> Points:
+    """Return the stretch of a line between two positions along it; a single point if they are equal."""
+    marks, (xs, ys) = lengths(points), zip(*points, strict=True)
+    first, last = ((interpolate(at, marks, xs), interpolate(at, marks, ys)) for at in (from_m, to_m))
+    if to_m - from_m < 1e-6:
+        return (first,)
+    inner = (point for point, at in zip(points, marks, strict=True) if from_m + 1e-6 < at < to_m - 1e-6)
+    return (first, *inner, last)
+
+
+def first_ahead(last: Sequence[float], points: Sequence[Sequence[float]]) -> int:
+    """Return the index of the first of a lane's points that lies ahead of a line's last point, because lanes of maps
+    overlap a little where they join; the number of points if none does."""
+    for k, point in enumerate(points):
+        dx, dy = point[0] - last[0], point[1] - last[1]
+        ahead = (points[1][0] - points[0][0], points[1][1] - points[0][1]) if len(points) > 1 else (dx, dy)
+        if math.hypot(dx, dy) >= MERGE_M and dx * ahead[0] + dy * ahead[1] > 0:
+            return k
+    return len(points)
 
 
 def headings(points: Sequence[XY], s: Sequence[float]) -> tuple[float, ...]:

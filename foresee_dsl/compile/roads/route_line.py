@@ -12,7 +12,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from foresee_dsl.compile.roads import polyline as lines
-from foresee_dsl.compile.roads.polyline import MERGE_M, STEP_M, XY, Points, Polyline, distance
+from foresee_dsl.compile.roads.polyline import STEP_M, XY, Points, Polyline, distance
 from foresee_dsl.compile.roads.routing import RouteError, check_whole, onward
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement, Topology
 
@@ -270,7 +270,7 @@ class _Joined:
         """Add vertices on a lane, and close a gap before them."""
         skip = 0
         if self.vertices:
-            skip = _first_onward(self.vertices[-1], vertices)
+            skip = lines.first_ahead(self.vertices[-1], vertices)
             if skip < len(vertices) and distance(self.vertices[-1][:2], vertices[skip][:2]) > 1.5 * STEP_M:
                 self.bridge(vertices[skip][:2], lane)
                 skip += 1
@@ -308,17 +308,6 @@ class _Joined:
             end_s=mark(end),
             pieces=tuple((s[k], lane) for k, lane in self._pieces),
         )
-
-
-def _first_onward(last: _Vertex, vertices: Sequence[_Vertex]) -> int:
-    """Return the index of the first vertex ahead of the last one, because lanes of maps overlap a little where they
-    join."""
-    for k, vertex in enumerate(vertices):
-        dx, dy = vertex.x - last.x, vertex.y - last.y
-        ahead = (vertices[1].x - vertices[0].x, vertices[1].y - vertices[0].y) if len(vertices) > 1 else (dx, dy)
-        if math.hypot(dx, dy) >= MERGE_M and dx * ahead[0] + dy * ahead[1] > 0:
-            return k
-    return len(vertices)
 
 
 def _vertices(lane: Lane, points: Sequence[XY] | None = None, sides: XY | None = None) -> list[_Vertex]:

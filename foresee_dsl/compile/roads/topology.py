@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
+from weakref import WeakKeyDictionary
 
 from foresee_dsl.compile.roads.polyline import Points, Polyline, distance_to
 from foresee_dsl.language.model import Turn
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 LaneKind = Literal["car", "bicycle", "pedestrian", "bus"]
 """The kinds of traffic to which a lane is open; `car` stands for all motor vehicles. Buses may use lanes for cars and
 bus lanes."""
+_Network = TypeVar("_Network", bound="Topology")
+_Key = TypeVar("_Key")
+_Value = TypeVar("_Value")
 STRIPS_ON_THE_ROAD = ("parking", "shoulder", "bay", "cycle_lane", "bus_lane")
 """Types of lanes that are closed to cars but part of the carriageway: a vehicle on them has not left the road."""
 
@@ -293,3 +297,29 @@ class Topology:
             for key in (("from", movement.from_edge), ("into", movement.to_lane), *through):
                 movements.setdefault(key, []).append(movement)
         return movements
+
+
+def per_network(make: Callable[[_Network], _Value]) -> Callable[[_Network], _Value]:
+    """Return a function that calls `make` once for each network, and keeps the value as long as the network.
+
+    Runs share these values: all mutants of a clip drive on the same network.
+    """
+    values: WeakKeyDictionary[_Network, _Value] = WeakKeyDictionary()
+
+    def value_of(network: _Network) -> _Value:
+        value = values.get(network)
+        if value is None:
+            value = values[network] = make(network)
+        return value
+
+    return value_of
+
+
+def cached(values: dict[_Key, _Value], key: _Key, most: int, make: Callable[[], _Value]) -> _Value:
+    """Return the value of a key; it is computed if it is missing, after all others are dropped if they are `most`."""
+    value = values.get(key)
+    if value is None:
+        if len(values) >= most:
+            values.clear()
+        value = values[key] = make()
+    return value

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import assert_never
 
 from foresee_dsl import helps as h
-from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.keywords import USAGE, words_of
 from foresee_dsl.language.messages.suggest import meant_at
@@ -27,30 +26,29 @@ _IN_ORDER = (h.Rewrite, h.GoOn, h.InBlock, h.Instead, h.Write, h.OneOf, h.Remove
 
 @dataclass(frozen=True)
 class Fix:
-    """An edit: its title, the span that it replaces, and the new text."""
+    """An edit: its title, the offsets between which it replaces the text, and the new text."""
 
     title: str
-    span: Span
+    start: int
+    end: int
     text: str
 
 
-def applied(text: str, positions: Positions, fix: Fix) -> str:
+def applied(text: str, fix: Fix) -> str:
     """Return a text with an edit made."""
-    start = positions.offset_of(fix.span.line, fix.span.column)
-    end = positions.offset_of(fix.span.end_line, fix.span.end_column)
-    return text[:start] + fix.text + text[end:]
+    return text[: fix.start] + fix.text + text[fix.end :]
 
 
-def edits(diagnostic: Diagnostic, span: Span, positions: Positions) -> Iterator[tuple[str, Fix]]:
+def edits(diagnostic: Diagnostic, span: Span, text: str) -> Iterator[tuple[str, Fix]]:
     """Yield the possible edits for a diagnostic's fixes at a place, likely ones first, each with its purpose.
 
     The caller needs only one edit per purpose.
     """
-    place = _Place(span, positions)
+    place = _Place(span, text)
     meant = meant_at(diagnostic.fixes, place.written)
     if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
         start, end, right = meant
-        yield "meant", place.fix(f"Write '{right}'", place.start + start, place.start + end, right)
+        yield "meant", Fix(f"Write '{right}'", place.start + start, place.start + end, right)
         return
     others = {part for fix in diagnostic.fixes for part in _texts_of(fix)}
     for kind in _IN_ORDER:
@@ -70,19 +68,14 @@ def _texts_of(fix: h.Edit) -> tuple[str, ...]:
 class _Place:
     """The part of a text that a diagnostic marks, and the edits that are possible there."""
 
-    def __init__(self, span: Span, positions: Positions) -> None:
-        self._text = "\n".join(positions.lines)
-        self._span, self._lines = span, Lines(self._text)
-        self.start = positions.offset_of(span.line, span.column)
-        self.end = positions.offset_of(span.end_line, span.end_column)
+    def __init__(self, span: Span, text: str) -> None:
+        self._text, lines = text, Lines(text)
+        self.start = lines.offset(span.line, span.column)
+        self.end = lines.offset(span.end_line, span.end_column)
         self.written = self._text[self.start : self.end]
         if not self.written.strip():  # the statement stops too early
             self.end, self.written = self.start, ""
-        self._statements = scan(self._text, self._lines).statements
-
-    def fix(self, title: str, start: int, end: int, text: str) -> Fix:
-        """Return an edit between two offsets."""
-        return Fix(title, self._lines.span(start, end), text)
+        self._statements = scan(text, lines).statements
 
     def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[str, Fix]]:
         """Yield the possible edits of a fix at this place, each with its purpose."""
@@ -90,7 +83,7 @@ class _Place:
             case h.Rewrite(to):
                 yield from ((to, edit) for edit in self._rewritten(to))
             case h.GoOn(text):
-                yield text, self.fix(f"Add `{text}`", self.end, self.end, f" {text}")
+                yield text, Fix(f"Add `{text}`", self.end, self.end, f" {text}")
             case h.InBlock(text, name):
                 yield from ((text, edit) for edit in self.in_block(text, name))
             case h.Instead(text, wrong):
@@ -130,6 +123,13 @@ class _Place:
             inner = raw.block
         return statements
 
+    def _beside(self) -> tuple[list[Raw], int]:
+        """Return the statements of the block around the innermost statement at the place, and its index in them; 0 if
+        no statement is there."""
+        around = self._around()
+        beside = (around[-2].block or []) if len(around) > 1 else self._statements
+        return beside, next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
+
     def _line(self, offset: int) -> tuple[int, int, str]:
         """Return the offsets of the beginning and end (without a comment) of an offset's line, and its indentation."""
         start = self._text.rfind("\n", 0, offset) + 1
@@ -150,28 +150,28 @@ class _Place:
         whole = head is not None and (head.start, head.end) == (self.start, self.end)
         if not statement or whole:
             if self.written:
-                yield self.fix(write, self.start, self.end, words)
-            yield self.fix(add, self.end, self.end, f" {words}")
-            yield self.fix(add, self.start, self.start, f"{words} ")
+                yield Fix(write, self.start, self.end, words)
+            yield Fix(add, self.end, self.end, f" {words}")
+            yield Fix(add, self.start, self.start, f"{words} ")
         if _VALUE.match(words):
             yield from self._values(words, write)
             return
         if head is not None:
             if not statement or not whole:
-                yield self.fix(write, self.start, max(head.end, self.start), words)
-            yield self.fix(write, head.start, head.end, words)
-            yield self.fix(write, head.start, max(head.end, head.close), words)
+                yield Fix(write, self.start, max(head.end, self.start), words)
+            yield Fix(write, head.start, head.end, words)
+            yield Fix(write, head.start, max(head.end, head.close), words)
         if not statement:
-            yield self.fix(write, self.start, max(end, self.start), words)
-            yield self.fix(write, begin + len(indent), max(end, begin + len(indent)), words)
+            yield Fix(write, self.start, max(end, self.start), words)
+            yield Fix(write, begin + len(indent), max(end, begin + len(indent)), words)
         if head is not None and head.open >= 0:  # as the first statement of the block that begins here
-            yield self.fix(add, head.open + 1, head.open + 1, f"\n{indent}  {words}")
+            yield Fix(add, head.open + 1, head.open + 1, f"\n{indent}  {words}")
         elif head is not None:
-            yield self.fix(add, head.end, head.end, f" {{ {words} }}")
-        yield self.fix(add, begin, begin, f"{indent}{words}\n")
+            yield Fix(add, head.end, head.end, f" {{ {words} }}")
+        yield Fix(add, begin, begin, f"{indent}{words}\n")
         if self._statements and self._statements[-1].block is not None:
             last = self._text.rfind("\n", 0, self._statements[-1].close) + 1
-            yield self.fix(add, last, last, f"  {words}\n")
+            yield Fix(add, last, last, f"  {words}\n")
 
     def _values(self, words: str, title: str) -> Iterator[Fix]:
         """Yield the edits that replace a value or a point of the same kind in the marked part."""
@@ -179,18 +179,18 @@ class _Place:
         pattern = r"\([^()]*,[^()]*\)" if words.startswith("(") else r"-?[0-9][0-9.]*(?: (?P<unit>[a-z][\w/^]*))?"
         for value in re.finditer(pattern, self.written):
             if words.startswith("(") or _dimension(value["unit"]) == of_words:
-                yield self.fix(title, self.start + value.start(), self.start + value.end(), words)
+                yield Fix(title, self.start + value.start(), self.start + value.end(), words)
 
     def words(self, word: str, message: str) -> Iterator[Fix]:
         """Yield the edits that replace the wrong word by one of the words that a help lists."""
         if re.fullmatch(r"\S+", self.written):
-            yield self.fix(f"Write `{word}`", self.start, self.end, word)
+            yield Fix(f"Write `{word}`", self.start, self.end, word)
             return
         for wrong in dict.fromkeys(re.findall(r"\w+", message)):
             places = [occurrence.start() for occurrence in re.finditer(rf"\b{wrong}\b", self.written)]
             if len(places) == 1 and wrong != word:
                 start = self.start + places[0]
-                yield self.fix(f"Write `{word}`", start, start + len(wrong), word)
+                yield Fix(f"Write `{word}`", start, start + len(wrong), word)
 
     def instead(self, wrong: str, right: str) -> Iterator[Fix]:
         """Yield the edits that replace one text by another, the nearest place first."""
@@ -198,7 +198,7 @@ class _Place:
         first, end = (around[-1].start, max(around[-1].end, self.end)) if around else (self.start, self.end)
         places = [first + occurrence.start() for occurrence in re.finditer(re.escape(wrong), self._text[first:end])]
         for place in sorted(places, key=lambda place: abs(place - self.start)):
-            yield self.fix(f"Write `{right}`", place, place + len(wrong), right)
+            yield Fix(f"Write `{right}`", place, place + len(wrong), right)
 
     # ---- to close, to move, to take out, to rename ------------------------------------------------------------------
 
@@ -209,19 +209,17 @@ class _Place:
         while 0 < offset < len(self._text):
             start, end, inner = self._line(offset)
             if end > start and len(inner) <= len(indent):
-                yield self.fix("Add `}`", start, start, f"{indent}}}\n")
+                yield Fix("Add `}`", start, start, f"{indent}}}\n")
                 break
             offset = self._text.find("\n", offset) + 1
         at = len(self._text.rstrip())
-        yield self.fix("Add `}`", at, at, f"\n{indent}}}")
+        yield Fix("Add `}`", at, at, f"\n{indent}}}")
         _, end, _ = self._line(begin)
-        yield self.fix("Add `}`", end, end, " }")
+        yield Fix("Add `}`", end, end, " }")
 
     def moved_in(self) -> Iterator[Fix]:
         """Yield the edit that moves a statement from behind a block into that block."""
-        around = self._around()
-        beside = (around[-2].block or []) if len(around) > 1 else self._statements
-        k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
+        beside, k = self._beside()
         before = beside[k - 1] if k else None
         if before is None or before.block is None:
             return
@@ -236,7 +234,7 @@ class _Place:
         else:
             between = f"  {moved}\n{indent}}}"
         behind = self._text[brace + 1 : raw.start].rstrip()
-        yield self.fix(f"Move `{moved.partition(chr(10))[0]}` inside", brace, end, f"{between}{behind}")
+        yield Fix(f"Move `{moved.partition(chr(10))[0]}` inside", brace, end, f"{between}{behind}")
 
     def moved_out(self) -> Iterator[Fix]:
         """Yield the edit that makes an action in an actor's block a trigger behind it."""
@@ -248,9 +246,8 @@ class _Place:
         action_text = re.split(r"//|/\*", self._text[action.start : action.end])[0].strip()
         does = f"when time >= 0 s {{ {named[1]} {action_text} }}"
         rest = self._without(action.start, action.end)
-        end = self._lines.offset(rest.span.end_line, rest.span.end_column)
-        text = f"{self._text[end : actor.close]}\n{indent}{does}"
-        yield self.fix(f"Write `{does}`", self._lines.offset(rest.span.line, rest.span.column), actor.close, text)
+        text = f"{self._text[rest.end : actor.close]}\n{indent}{does}"
+        yield Fix(f"Write `{does}`", rest.start, actor.close, text)
 
     def commented(self) -> Iterator[Fix]:
         """Yield the edit that turns a comment of another language into lines of `#` comments."""
@@ -261,42 +258,38 @@ class _Place:
         comment_lines = self._text[self.start + 2 : closed if closed >= 0 else end].split("\n")
         lines = [f"# {line.strip().lstrip('*').strip()}".rstrip() for line in comment_lines]
         text = f"\n{indent}".join([*lines, ""] if behind else lines)
-        yield self.fix("Begin each line with `#`", self.start, end, text)
+        yield Fix("Begin each line with `#`", self.start, end, text)
 
     def otherwise(self) -> Iterator[Fix]:
         """Yield the edit that turns an `else` into a trigger with the opposite of the preceding condition."""
-        around = self._around()
-        beside = (around[-2].block or []) if len(around) > 1 else self._statements
-        k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
+        beside, k = self._beside()
         before = _CONDITION.match(self._text[beside[k - 1].start : beside[k - 1].end]) if k else None
-        if before is None or not around:
+        if before is None:
             return
-        own = _CONDITION.match(self._text[around[-1].start : around[-1].end])
+        own = _CONDITION.match(self._text[beside[k].start : beside[k].end])
         text = f"when not ({before['condition'].strip()})" + (f" and ({own['condition'].strip()})" if own else "")
         begin, _, indent = self._line(self.start)
         if self._text[begin : self.start].strip():  # `} else {`
             text = f"\n{indent}{text}"
-        yield self.fix(f"Write `{text.strip()}`", self.start, max(around[-1].end, self.end), text)
+        yield Fix(f"Write `{text.strip()}`", self.start, max(beside[k].end, self.end), text)
 
     def in_block(self, words: str, name: str) -> Iterator[Fix]:
         """Yield the edit that inserts a setting into the block of a named statement, or replaces the one there."""
-        around = self._around()
-        beside = (around[-2].block or []) if len(around) > 1 else self._statements
-        for raw in beside:
+        for raw in self._beside()[0]:
             if not re.match(rf"\w+\s+{name}\b", self._text[raw.start : raw.end]):
                 continue
             first_word = words.split(maxsplit=1)[0]
             same = [inner for inner in raw.block or () if self._text.startswith(first_word, inner.start)]
             if same:
-                yield self.fix(f"Write `{words}` in '{name}'", same[0].start, same[0].end, words)
+                yield Fix(f"Write `{words}` in '{name}'", same[0].start, same[0].end, words)
             elif raw.block is None:
-                yield self.fix(f"Add `{words}` to '{name}'", raw.end, raw.end, f" {{ {words} }}")
+                yield Fix(f"Add `{words}` to '{name}'", raw.end, raw.end, f" {{ {words} }}")
             elif raw.block and "\n" in self._text[raw.open : raw.block[0].start]:
                 begin = self._text.rfind("\n", 0, raw.block[0].start)
                 text = f"{self._text[begin : raw.block[0].start]}{words}"
-                yield self.fix(f"Add `{words}` to '{name}'", begin, begin, text)
+                yield Fix(f"Add `{words}` to '{name}'", begin, begin, text)
             else:
-                yield self.fix(f"Add `{words}` to '{name}'", raw.open + 1, raw.open + 1, f" {words};")
+                yield Fix(f"Add `{words}` to '{name}'", raw.open + 1, raw.open + 1, f" {words};")
 
     def removals(self, word: str = "") -> Iterator[Fix]:
         """Yield the edits that remove the marked part (with the word before it), or the statement around it."""
@@ -332,7 +325,7 @@ class _Place:
         begin, last = self._text.rfind("\n", 0, start) + 1, self._line_end(end)
         behind = self._text[end:last].strip()
         if not self._text[begin:start].strip() and (not behind or behind.startswith("#")):
-            return self.fix(title, begin, min(last + 1, len(self._text)), "")
+            return Fix(title, begin, min(last + 1, len(self._text)), "")
         before = self._text[:start].rstrip()
         if before.endswith("[") and behind.startswith(","):
             end = self._text.index(",", end) + 1
@@ -344,7 +337,7 @@ class _Place:
             end += len(self._text[end:]) - len(self._text[end:].lstrip(" "))
         else:
             start = len(self._text[:start].rstrip(" ;"))
-        return self.fix(title, start, end, "")
+        return Fix(title, start, end, "")
 
     def renamings(self, *, everywhere: bool) -> Iterator[Fix]:
         """Yield the edit that gives the marked part a free name; `everywhere`: also in the later uses of the name."""
@@ -359,8 +352,8 @@ class _Place:
         places = [use.end() for use in re.compile(uses).finditer(self._text, end)]
         if everywhere and places:
             parts = (self._text[begin : other - len(word[0])] + name for begin, other in pairwise((end, *places)))
-            yield self.fix(f"Call it `{name}`", self.start, places[-1], name + "".join(parts))
-        yield self.fix(f"Call it `{name}`", self.start, end, name)
+            yield Fix(f"Call it `{name}`", self.start, places[-1], name + "".join(parts))
+        yield Fix(f"Call it `{name}`", self.start, end, name)
 
 
 def _dimension(unit: str | None) -> str:

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from foresee_dsl.editor.answers.edits import LISTED, Fix, applied, edits
 from foresee_dsl.editor.files import Files
-from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import Rewrite
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
+from foresee_dsl.language.parser import plain
 from foresee_dsl.language.syntax.scan import Lines
 
 _MOST_ATTEMPTS = 24
@@ -33,40 +33,38 @@ _MEANT_BY: Mapping[str, str] = {"gap": "time", "pace": "speed", "speed": "speed"
 
 Check = Callable[[str], tuple[Diagnostic, ...]]
 """A function that returns the diagnostics of a text of the file."""
-Adapt = Callable[[str, Positions, Fix], Fix]
+Adapt = Callable[[str, Fix], Fix]
 """A function that returns an edit in which names of the file replace those of an example."""
 
 
-def fixes(
-    diagnostic: Diagnostic, span: Span, positions: Positions, check: Check, adapt: Adapt | None = None
-) -> tuple[Fix, ...]:
+def fixes(diagnostic: Diagnostic, span: Span, text: str, check: Check, adapt: Adapt | None = None) -> tuple[Fix, ...]:
     """Return the fixes of a diagnostic. Each was tried, and leaves one error less.
 
     Args:
         diagnostic: the diagnostic.
         span: its present place.
-        positions: the places of the text.
+        text: the text.
         check: returns the diagnostics of a text, without those of other files.
         adapt: replaces the names of an example by names of the file.
     """
-    text = "\n".join(positions.lines)
+    text = plain(text)
     offered: dict[str, Fix] = {}
-    attempts: dict[tuple[Span, str], None] = {}
+    attempts: set[tuple[int, int, str]] = set()
     before: tuple[Diagnostic, ...] | None = None
-    for purpose, edit in edits(diagnostic, span, positions):
+    for purpose, edit in edits(diagnostic, span, text):
         if purpose in offered:
             continue
         if len(offered) == _MOST_OFFERED or len(attempts) == _MOST_ATTEMPTS:
             break
-        fix = edit if adapt is None or purpose.startswith(LISTED) else adapt(text, positions, edit)
-        if (fix.span, fix.text) in attempts:
+        fix = edit if adapt is None or purpose.startswith(LISTED) else adapt(text, edit)
+        if (fix.start, fix.end, fix.text) in attempts:
             continue
-        attempts[fix.span, fix.text] = None
+        attempts.add((fix.start, fix.end, fix.text))
         before = check(text) if before is None else before
-        trial = _Trial(text, positions, fix, check)
+        trial = _Trial(text, fix, check)
         pinned = _of_the_parent(trial.diagnostics, fix)
         if pinned is not None:
-            fix, trial = pinned, _Trial(text, positions, pinned, check)
+            fix, trial = pinned, _Trial(text, pinned, check)
         if not trial.stays(diagnostic.code, diagnostic.message, span) and not trial.worse(before, purpose):
             offered[purpose] = fix
     return tuple(offered.values())
@@ -75,12 +73,11 @@ def fixes(
 class _Trial:
     """An edit, and the diagnostics of the text after it."""
 
-    def __init__(self, text: str, positions: Positions, fix: Fix, check: Check) -> None:
-        after = applied(text, positions, fix)
+    def __init__(self, text: str, fix: Fix, check: Check) -> None:
+        after = applied(text, fix)
         self.diagnostics = check(after)
-        self._lines, self._places = Lines(after), positions
-        self._start = positions.offset_of(fix.span.line, fix.span.column)
-        self._old_end = positions.offset_of(fix.span.end_line, fix.span.end_column)
+        self._before, self._lines = Lines(text), Lines(after)
+        self._start, self._old_end = fix.start, fix.end
         self._end = self._start + len(fix.text)
 
     def _at(self, span: Span) -> int:
@@ -88,7 +85,7 @@ class _Trial:
 
     def stays(self, code: str, message: str, span: Span) -> bool:
         """Return whether the error remains, at its place or in the inserted text."""
-        was = self._places.offset_of(span.line, span.column)
+        was = self._before.offset(span.line, span.column)
         moved = was if was < self._start else was + self._end - self._old_end
         for diagnostic in self.diagnostics:
             if (diagnostic.code, diagnostic.message) != (code, message):
@@ -150,26 +147,26 @@ def _unclosed(diagnostics: tuple[Diagnostic, ...]) -> int:
 # ---- the file's names in an example ----------------------------------------------------------------------------------
 
 
-def with_names_of(path: Path, overlay: Mapping[Path, str]) -> Callable[[str, Positions, Fix], Fix]:
+def with_names_of(path: Path, overlay: Mapping[Path, str]) -> Adapt:
     """Return a function that replaces names of examples in helps (`lead`, `j4`) by names that a file defines."""
 
-    def adapt(text: str, positions: Positions, fix: Fix) -> Fix:
+    def adapt(text: str, fix: Fix) -> Fix:
         if not re.search(r"[a-z]\w*[ .(,)\]}]|^[a-z]\w*$", fix.text):
             return fix
         for stages in (False, True):  # a stage belongs to its junction, whose name must be settled first
-            fix = _adapted(text, positions, fix, stages=stages)
+            fix = _adapted(text, fix, stages=stages)
         return fix
 
-    def _adapted(text: str, positions: Positions, fix: Fix, *, stages: bool) -> Fix:
+    def _adapted(text: str, fix: Fix, *, stages: bool) -> Fix:
         if fix.text in KEYWORDS:
             return fix
-        after = applied(text, positions, fix)
+        after, start = applied(text, fix), fix.start
         files, lines = Files({**overlay, path: after}), Lines(after)
-        start = positions.offset_of(fix.span.line, fix.span.column)
         before = set(re.findall(r"\w+", text))
         changed = fix.text
         for use in reversed(files.names(path)):
-            at, end = (lines.offset(*place) for place in ((use.span.line, use.span.column), _end(use)))
+            at = lines.offset(use.span.line, use.span.column)
+            end = lines.offset(use.span.end_line, use.span.end_column)
             if not start <= at < end <= start + len(fix.text) or use.defines or use.name in before:
                 continue
             if use.kind not in (("stage",) if stages else _NAMES) or files.define(path, use) is not None:
@@ -182,10 +179,6 @@ def with_names_of(path: Path, overlay: Mapping[Path, str]) -> Callable[[str, Pos
         return replace(fix, title=fix.title.replace(fix.text.strip(), changed.strip()), text=changed)
 
     return adapt
-
-
-def _end(use: Occurrence) -> tuple[int, int]:
-    return use.span.end_line, use.span.end_column
 
 
 def _name_for(files: Files, path: Path, use: Occurrence) -> str:

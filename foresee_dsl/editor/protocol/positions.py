@@ -62,10 +62,7 @@ class Positions:
 
     def offset(self, position: Json) -> int:
         """Return the offset in the plain text of an editor's position."""
-        return self.offset_of(*self.place(position))
-
-    def offset_of(self, line: int, column: int) -> int:
-        """Return the offset in the plain text of a line and column."""
+        line, column = self.place(position)
         return sum(len(text) + 1 for text in self.lines[: line - 1]) + column - 1
 
     def span(self, where: Json) -> Span:

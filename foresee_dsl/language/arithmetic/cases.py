@@ -4,31 +4,16 @@ scenarios need only this module of the package."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
-from foresee_dsl.language.units import Dimension
-
-_NUMBERS = get_args(Dimension)
-"""The types of parameters that hold a number."""
+from foresee_dsl.language.traversal import walk
+from foresee_dsl.language.units import dimension_of
 
 
 def references(value: m.Item) -> Iterator[m.Ref]:
     """Return the parameters that a value names, in the order in which they are written."""
-    match value:
-        case m.Ref():
-            yield value
-        case m.Calculated(expression=expression):
-            yield from references(expression)
-        case m.Sum(left=left, right=right) | m.Product(left=left, right=right):
-            yield from references(left)
-            yield from references(right)
-        case m.Negative(value=inner):
-            yield from references(inner)
-        case m.Extreme(values=values):
-            for part in values:
-                yield from references(part)
+    return (part for part in walk(value) if isinstance(part, m.Ref))
 
 
 def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamValue]:
@@ -89,6 +74,6 @@ def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tup
     """
     value = assignment.value
     if isinstance(value, str):
-        number = types.get(assignment.name) in _NUMBERS
+        number = dimension_of(types.get(assignment.name)) is not None
         return (m.Ref(name=value),) if number and value in types else ()
     return tuple(references(value))

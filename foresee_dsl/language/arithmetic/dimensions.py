@@ -9,9 +9,8 @@ from typing import NamedTuple, assert_never
 
 from foresee_dsl.helps import HelpText, instead, meant_code, one_of, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.units import SI_WORD, Dimension
+from foresee_dsl.language.units import EXAMPLES, NOUNS, SI_WORD, Dimension, dimension_of
 
 
 class Powers(NamedTuple):
@@ -108,10 +107,10 @@ class Dimensions:
 
     def _of_parameter(self, reference: m.Ref) -> Powers | None:
         type_ = self._types.get(reference.name)
-        dimension: Dimension | None = next((d for d in POWERS if d == type_), None)
+        dimension = dimension_of(type_)
         if type_ is not None and dimension is None:
             message = f"'{reference.name}' is of type {type_}, which holds a word, so a calculation cannot use it"
-            numbers = [name for name, word in self._types.items() if any(d == word for d in POWERS)]
+            numbers = [name for name, word in self._types.items() if dimension_of(word) is not None]
             which = ": " + one_of(numbers) if 0 < len(numbers) <= 8 else ", such as one of type " + write("time")
             self._add(reference, message, "use a parameter that holds a number" + which)
         return POWERS[dimension] if dimension is not None else None
@@ -135,7 +134,7 @@ class Dimensions:
         what = "are compared" if isinstance(whole, m.Extreme) else "are added"
         if isinstance(whole, m.Sum) and whole.op == "-":
             what = "are subtracted"
-        message = f"`{written(left)}` is {in_words(first)}, but `{written(right)}` {_is(right, second)}"
+        message = f"`{written(left)}` is {in_words(first)}, but `{written(right)}` {predicate(right, second)}"
         help: HelpText = _instead(left, first, right, second)
         needed = named(self._needed) if self._needed is not None else None
         if needed is not None and first != self._needed:
@@ -146,7 +145,8 @@ class Dimensions:
         self.mismatches.append(Mismatch(item, message, help))
 
 
-def _is(value: m.Item, powers: Powers) -> str:
+def predicate(value: m.Item, powers: Powers) -> str:
+    """Return what a message says of a value with this dimension: `is a speed`, or `has no unit`."""
     bare = isinstance(value, m.Quantity) and not value.unit
     return "has no unit" if bare else f"is {in_words(powers)}"
 

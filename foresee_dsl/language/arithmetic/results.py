@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
-from typing import get_args
 
 from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
@@ -14,7 +13,7 @@ from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.traversal import fields_of, walk
-from foresee_dsl.language.units import UNITS, Dimension
+from foresee_dsl.language.units import UNITS
 
 Values = Mapping[str, m.ParamValue]
 _Arguments = tuple[m.Item, str, str, str, HelpText]
@@ -79,27 +78,16 @@ def _problem(use: Use, values: Values) -> _Arguments | None:
     form = form_of(type(use.item), use.field.partition(".")[0])
     statement = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
     if form.dimension == "count" and (result.value != result.value.to_integral_value() or result.value < 0):
-        return (
-            use.item,
-            use.field,
-            "FS032",
-            f"{statement}, but this place needs a whole number",
-            "write one such as " + write("2"),
-        )
+        message = f"{statement}, but this place needs a whole number"
+        return use.item, use.field, "FS032", message, "write one such as " + write("2")
     bounds = form.bounds
     if bounds is None or bounds.low <= result.si <= bounds.high:
         return None
     small = result.si < bounds.low
-    message = (
-        f"{statement}, which is too {'small' if small else 'large'} for `{word_before(type(use.item), use.field)}`"
-    )
-    kept = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
-    help = (
-        f"use at {'least' if small else 'most'} "
-        + write(written(nearest(bounds, result)))
-        + ", for example with "
-        + write(kept)
-    )
+    place = word_before(type(use.item), use.field)
+    message = f"{statement}, which is too {'small' if small else 'large'} for `{place}`"
+    within = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
+    help = limit(bounds, result) + ", for example with " + write(within)
     return use.item, use.field, out_of_bounds(use.item), message, help
 
 
@@ -140,12 +128,8 @@ def not_by_zero(item: m.Item, values: Values) -> HelpText:
         return "keep it out with a " + write("require")
     least = written(m.Quantity(value=Decimal("0.1"), unit=zero.unit))
     left = f"({written(item.left)})" if isinstance(item.left, m.Sum) else written(item.left)
-    return (
-        "keep the divisor above zero: "
-        + write(f"{left} / max({written(item.right)}, {least})")
-        + ", or with a "
-        + write("require")
-    )
+    above = write(f"{left} / max({written(item.right)}, {least})")
+    return "keep the divisor above zero: " + above + ", or with a " + write("require")
 
 
 def _where(name: str, more: int) -> str:
@@ -171,8 +155,3 @@ def _result(value: m.Ref | m.Expression, values: Values) -> m.Quantity:
     from foresee_dsl.language.arithmetic.evaluate import evaluate
 
     return evaluate(value, values)
-
-
-def is_number(type_: str) -> bool:
-    """Return whether parameters of this type hold a number, not a word."""
-    return type_ in get_args(Dimension)

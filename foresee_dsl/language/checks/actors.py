@@ -21,11 +21,11 @@ _SET_LINE = (m.ChangesLine, m.KeepsBeside, m.FollowsPath, m.Reverses)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
-def check_actors(collector: Collector, body: Sequence[m.Item]) -> None:
+def check_actors(collector: Collector, scenario: m.Scenario | m.Clip) -> None:
     """Check the actors of a scenario or clip, and every place that names an actor."""
+    body: Sequence[m.Item] = scenario.body
     actors = [item for item in body if isinstance(item, (m.Ego, m.Actor))]
-    groups = [item for item in body if isinstance(item, m.Traffic)]
-    named = [actor for actor in actors if isinstance(actor, m.Actor)]
+    groups, named, ego = scenario.all(m.Traffic), scenario.all(m.Actor), scenario.first(m.Ego)
     for other in [actor for actor in named if actor.name == "ego"][:1]:
         collector.add(
             other, "name", "FS030", "only the ego can have the name 'ego'", rename("give this actor another name")
@@ -34,11 +34,11 @@ def check_actors(collector: Collector, body: Sequence[m.Item]) -> None:
         if other.name in m.TAKEN or other.name in m.OWNERS:
             message = "'" + subject(other.name) + "' is a word of the language"
             collector.add(other, "name", "FS049", message, rename("give this actor another name", everywhere=True))
-    collector.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")
-    cases = [item for item in body if isinstance(item, m.Case)]
-    parameters = {item.name: item for item in body if isinstance(item, m.Param)}
+    collector.unique([*named, *groups], "actors")
+    cases = scenario.all(m.Case)
+    parameters = {item.name: item for item in scenario.all(m.Param)}
     for actor in actors:
-        _check_place(collector, actor, next((other for other in actors if isinstance(other, m.Ego)), None))
+        _check_place(collector, actor, ego)
         _check_once(collector, actor)
         _check_joins(collector, actor)
         _check_track(collector, actor)
@@ -50,10 +50,8 @@ def check_actors(collector: Collector, body: Sequence[m.Item]) -> None:
     for group in groups:
         for k, model in enumerate(group.models):
             _known_class(collector, group, f"models.{k}", model)
-    _check_deviation(collector, body, next((actor for actor in actors if isinstance(actor, m.Ego)), None))
-    doors = {
-        door_of(part) for item in body if isinstance(item, m.When) for part in walk(item) if isinstance(part, m.Door)
-    }
+    _check_deviation(collector, body, ego)
+    doors = {door_of(part) for when in scenario.all(m.When) for part in walk(when) if isinstance(part, m.Door)}
     _check_mentions(collector, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups}, doors)
 
 
@@ -85,17 +83,16 @@ def _check_place(collector: Collector, actor: m.Ego | m.Actor, ego: m.Ego | None
 
 def _check_joins(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report an actor that joins the traffic but has no path to come from."""
-    for item in actor.body:
-        if isinstance(item, m.Joins) and not any(isinstance(other, m.AnyPath | m.Track) for other in actor.body):
+    for item in actor.all(m.Joins):
+        if not any(isinstance(other, m.AnyPath | m.Track) for other in actor.body):
             help = "write " + write("path [PLACE, PLACE]") + " before it, or `route [...]` instead"
-            collector.add(
-                item, "", "FS042", f"'{actor.name}' joins the traffic at the end of a path, but it has no path", help
-            )
+            message = f"'{actor.name}' joins the traffic at the end of a path, but it has no path"
+            collector.add(item, "", "FS042", message, help)
 
 
 def _check_track(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report what an actor that follows a recorded track cannot have, because the track decides it."""
-    if isinstance(actor, m.Ego) or not any(isinstance(item, m.Track) for item in actor.body):
+    if isinstance(actor, m.Ego) or not actor.all(m.Track):
         return
     if actor.state is not None:
         help = "the track gives it its position: leave the other one out"
@@ -113,14 +110,13 @@ def _check_track(collector: Collector, actor: m.Ego | m.Actor) -> None:
 
 def _check_deviation(collector: Collector, body: Sequence[m.Item], ego: m.Ego | None) -> None:
     """Report a measured deviation of an actor that is not the ego, or of an ego without a track."""
-    recorded = ego is not None and any(isinstance(item, m.Track) for item in ego.body)
+    recorded = ego is not None and bool(ego.all(m.Track))
     for measure in (part for item in body if isinstance(item, m.When | m.Expect) for part in walk(item)):
         if not isinstance(measure, m.Measure) or measure.what != "deviation":
             continue
         if measure.actor != "ego":
-            message = (
-                "only the ego deviates from its track: " + subject(f"{measure.actor}") + " follows its own exactly"
-            )
+            follows = subject(f"{measure.actor}") + " follows its own exactly"
+            message = "only the ego deviates from its track: " + follows
             collector.add(measure, "actor", "FS042", message, "write " + write("ego.deviation"))
         elif not recorded and ego is not None:
             help = in_block('track "112"', "ego") + " with the name of its recorded track"
@@ -136,20 +132,13 @@ def _check_times(collector: Collector, actor: m.Ego | m.Actor) -> None:
             message = f"'{actor.name}' follows a path, so its `line` cannot have times"
             collector.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
-            collector.add(
-                item,
-                "",
-                "FS042",
-                "the ego cannot have `brakes`, because its driver decides when it brakes",
-                "move it to another actor, or " + remove("remove it"),
-            )
+            message = "the ego cannot have `brakes`, because its driver decides when it brakes"
+            collector.add(item, "", "FS042", message, "move it to another actor, or " + remove("remove it"))
 
 
 def _check_style(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report a style of an actor that SUMO does not drive along lanes."""
-    for item in actor.body:
-        if not isinstance(item, m.Style):
-            continue
+    for item in actor.all(m.Style):
         if isinstance(actor, m.Ego):
             message = "the ego cannot have a `style`: its driver drives it"
         elif not any(isinstance(other, m.Route | m.EdgeRoute) for other in actor.body):
@@ -168,18 +157,13 @@ def _check_passes(
 ) -> None:
     """Report a `passes in lane` that has no effect: only bicycles and motorcycles on lanes can have it, and no other
     statement may set their line."""
-    statement = next((item for item in actor.body if isinstance(item, m.PassesInLane)), None)
+    statement = actor.first(m.PassesInLane)
     if statement is None:
         return
     passes = write("passes in lane")
     if isinstance(actor, m.Ego):
-        collector.add(
-            statement,
-            "",
-            "FS042",
-            "the ego cannot have `passes in lane`, because its driver steers",
-            remove("remove it"),
-        )
+        message = "the ego cannot have `passes in lane`, because its driver steers"
+        collector.add(statement, "", "FS042", message, remove("remove it"))
         return
     classes = {model.partition(".")[0] for _, _, model in _models(actor, parameters, cases)}
     if not classes <= set(_PASSING_CLASSES):
@@ -189,7 +173,7 @@ def _check_passes(
     if any(isinstance(item, m.AnyPath) for item in actor.body):
         message = f"'{actor.name}' follows a path, which fixes its line, so it cannot have `passes in lane`"
         collector.add(statement, "", "FS042", message, "write a route instead of the path, or " + remove("remove it"))
-    for line in (item for item in actor.body if isinstance(item, m.Line)):
+    for line in actor.all(m.Line):
         message = f"'{actor.name}' passes within its lane, so SUMO decides its line and `line` has no effect"
         collector.add(line, "", "FS042", message, remove("keep one of the two"))
     for action in (part for item in body if isinstance(item, m.When) for part in walk(item)):
@@ -212,17 +196,10 @@ def _check_once(collector: Collector, actor: m.Ego | m.Actor) -> None:
 def _check_recorded(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report recorded states of an actor other than the ego, and recorded states whose times do not increase."""
     before = 0.0
-    for item in actor.body:
-        if not isinstance(item, m.Recorded):
-            continue
+    for item in actor.all(m.Recorded):
         if isinstance(actor, m.Actor):
-            collector.add(
-                item,
-                "",
-                "FS056",
-                f"'{actor.name}' has a recorded state, but only the ego can follow recorded states",
-                remove("remove it"),
-            )
+            message = f"'{actor.name}' has a recorded state, but only the ego can follow recorded states"
+            collector.add(item, "", "FS056", message, remove("remove it"))
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
                 message = "the time of this recorded state is not later than that of the state before it"

@@ -37,8 +37,8 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
             _check_mutant(collector, model)
             _check_expected(collector, model, [])
         case m.Extension():  # errors that show before it is joined with the scenario that it extends
-            collector.only_once([item for item in model.body if isinstance(item, m.Tags)])
-            _check_changes(collector, [item for item in model.body if isinstance(item, m.Change)], parameters=True)
+            collector.only_once(model.all(m.Tags))
+            _check_changes(collector, model.all(m.Change), parameters=True)
         case m.Network():
             check_network(collector, model)
         case m.Campaign():
@@ -61,48 +61,34 @@ def _check_scenario(collector: Collector, scenario: m.Scenario) -> None:
         example = "ego: car.sedan { route from south straight over j4 }"
         help = "add the vehicle that is driven by the software under test: " + write(example)
         collector.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
-    for ego in egos[1:]:
-        collector.add(
-            ego,
-            "",
-            "FS035",
-            "this scenario has a second ego",
-            "a scenario has exactly one ego: " + remove("remove it"),
-            head_only=True,
-        )
     if not networks:
         help = "add " + write('use network "town.foresee"') + " or a block `network { ... }`"
         collector.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
-    for network in networks[1:]:
-        collector.add(
-            network,
-            "",
-            "FS036",
-            "this scenario has a second network",
-            "a scenario has exactly one network: " + remove("remove it"),
-            head_only=True,
-        )
+    for what, code, items in (("ego", "FS035", egos), ("network", "FS036", networks)):
+        for item in items[1:]:
+            help = f"a scenario has exactly one {what}: " + remove("remove it")
+            collector.add(item, "", code, f"this scenario has a second {what}", help, head_only=True)
     for kind in (m.End, m.Weather, m.Tags, m.UseTracks):
         collector.only_once(scenario.all(kind))
     if not scenario.all(m.UseTracks):
-        for track in (item for actor in scenario.actors for item in actor.body if isinstance(item, m.Track)):
+        for track in (item for actor in scenario.actors for item in actor.all(m.Track)):
             help = "add the file that holds it: " + write('use tracks "recorded.tracks.csv"')
             collector.add(track, "", "FS042", f"there is no file with the track '{track.name}'", help)
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
-        collector.unique(((item, "name", item.name) for item in named if item.name is not None), what)
-    collector.unique(((item, "name", item.name) for item in scenario.all(m.Slippery)), "slippery patches")
+        collector.unique(named, what)
+    collector.unique(scenario.all(m.Slippery), "slippery patches")
     for block in scenario.all(m.Network):
         check_network(collector, block)
     check_parameters(collector, scenario)
     check_requirements(collector, scenario)
-    check_actors(collector, scenario.body)
+    check_actors(collector, scenario)
 
 
 def _check_expected(collector: Collector, model: m.Scenario | m.Clip | m.Mutant, cases: Sequence[str] | None) -> None:
     """Report a driver with two expected results, and a result for a case that does not exist; `cases` is None if they
     are unknown."""
     seen: set[tuple[str, str | None]] = set()
-    for item in (item for item in model.body if isinstance(item, m.Expected)):
+    for item in model.all(m.Expected):
         if (item.driver, item.case) in seen:
             collector.add(
                 item, "driver", "FS013", f"'{item.driver}' has two expected results", remove("keep one of the two")
@@ -123,7 +109,7 @@ def _check_clip(collector: Collector, clip: m.Clip) -> None:
         (m.Goal, "goal", "goal (118.30 m, 40.10 m)"),
     )
     for kind, word, usage in needed:
-        items = [item for item in clip.body if isinstance(item, kind)]
+        items = clip.all(kind)
         if not items:
             collector.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", "write it like " + write(usage))
         collector.only_once(items)
@@ -137,9 +123,8 @@ def _check_clip(collector: Collector, clip: m.Clip) -> None:
             case m.Ego(state=None) | m.Actor(state=None):
                 help = "in a clip every actor has a state: " + write("at (1 m, 2 m) heading 90 deg speed 8 m/s")
                 collector.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
-    patches = [item for item in clip.body if isinstance(item, m.Slippery)]
-    collector.unique(((item, "name", item.name) for item in patches), "slippery patches")
-    check_actors(collector, clip.body)
+    collector.unique(clip.all(m.Slippery), "slippery patches")
+    check_actors(collector, clip)
 
 
 # ---- mutants --------------------------------------------------------------------------------------------------------
@@ -149,7 +134,7 @@ def _check_mutant(collector: Collector, mutant: m.Mutant) -> None:
     if not mutant.changes:
         help = "add a line such as " + write("change runner.timing: 1.00 => 0.80")
         collector.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
-    collector.only_once([item for item in mutant.body if isinstance(item, m.Origin)])
+    collector.only_once(mutant.all(m.Origin))
     _check_changes(collector, mutant.changes, parameters=False)
     for change in mutant.changes:
         owner = m.OWNERS.get(change.actor)
@@ -175,15 +160,8 @@ def _check_changes(collector: Collector, changes: Sequence[m.Change], *, paramet
         if change.actor in m.OWNERS or rule is None or not rule.timed:
             for field in ("start", "duration"):
                 if getattr(change, field) is not None:
-                    help = (
-                        write("steer")
-                        + ", "
-                        + write("line")
-                        + " and "
-                        + write("brakes")
-                        + " have times, such as "
-                        + write("from 4.00 s for 1.00 s")
-                    )
+                    timed = write("steer") + ", " + write("line") + " and " + write("brakes")
+                    help = timed + " have times, such as " + write("from 4.00 s for 1.00 s")
                     collector.add(change, field, "FS124", f"'{'.'.join(path)}' cannot have times", help)
 
 
@@ -221,11 +199,11 @@ _SEVERAL: tuple[type[m.Item], ...] = (m.Doc, m.Seeds)
 
 def _check_campaign(collector: Collector, campaign: m.Campaign) -> None:
     """Check a campaign's file. Whether its drivers, rankers and files exist is checked only when it runs."""
-    if not any(isinstance(item, m.Seeds) for item in campaign.body):
+    if not campaign.all(m.Seeds):
         help = "name the test cases to run: " + write('seeds "scenarios/**"')
         collector.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
     for kind in {type(item) for item in campaign.body} - set(_SEVERAL):
-        collector.only_once([item for item in campaign.body if isinstance(item, kind)])
+        collector.only_once(campaign.all(kind))
     for item in campaign.body:
         names = item.names if isinstance(item, m.Drivers | m.Against | m.Rankers) else ()
         for k, name in enumerate(names):
@@ -235,8 +213,8 @@ def _check_campaign(collector: Collector, campaign: m.Campaign) -> None:
 
 def check_catalogue(collector: Collector, catalogue: m.Catalogue) -> None:
     """Check a catalogue of models."""
-    models = [item for item in catalogue.body if isinstance(item, m.VehicleModel)]
-    collector.unique(((model, "name", model.name) for model in models), "models")
+    models = catalogue.all(m.VehicleModel)
+    collector.unique(models, "models")
     for model in models:
         class_ = model.name.partition(".")[0]
         if class_ not in CLASSES:
@@ -251,9 +229,8 @@ def _check_figures(collector: Collector, model: m.VehicleModel) -> None:
         low, high = getattr(model, less), getattr(model, more)
         if isinstance(low, m.Quantity) and isinstance(high, m.Quantity) and low.si > high.si:
             message = f"its {less} `{written(low)}` is above its {more} `{written(high)}`"
-            collector.add(
-                model, less, "FS055", message, "use at most " + write(written(high)) + ", or raise " + write(more)
-            )
+            help: HelpText = "use at most " + write(written(high)) + ", or raise " + write(more)
+            collector.add(model, less, "FS055", message, help)
     parts = {name: getattr(model, name) for name in ("front_overhang", "wheelbase", "rear_overhang")}
     lengths = {name: part for name, part in parts.items() if isinstance(part, m.Quantity)}
     if not lengths or not isinstance(model.length, m.Quantity):
@@ -273,13 +250,10 @@ def _check_figures(collector: Collector, model: m.VehicleModel) -> None:
 
 def check_network(collector: Collector, network: m.Network) -> None:
     """Check a network, in a file of its own or inside a scenario."""
-    junctions = [item for item in network.body if isinstance(item, m.Junction)]
-    roads = [item for item in network.body if isinstance(item, m.Road)]
-    named = (item for item in network.body if isinstance(item, NamedJunction))
-    collector.unique(((j, "name", j.name) for j in named), "junctions")
-    collector.unique(((r, "name", r.name) for r in network.body if isinstance(r, m.Road | Ramp)), "roads")
-    buildings = (item for item in network.body if isinstance(item, m.Building))
-    collector.unique(((b, "name", b.name) for b in buildings), "buildings")
+    junctions, roads = network.all(m.Junction), network.all(m.Road)
+    collector.unique((item for item in network.body if isinstance(item, NamedJunction)), "junctions")
+    collector.unique((item for item in network.body if isinstance(item, m.Road | Ramp)), "roads")
+    collector.unique(network.all(m.Building), "buildings")
     names = [item.name for item in network.body if isinstance(item, m.Junction | m.Roundabout)]
     for road in roads:
         _check_road(collector, road, names, {r.name for r in roads})
@@ -308,11 +282,9 @@ def _check_road(collector: Collector, road: m.Road, junctions: Sequence[str], ro
 
 
 def _check_junction(collector: Collector, junction: m.Junction, network: m.Network) -> None:
-    collector.unique(((s, "name", s.name) for s in junction.stages), f"stages of '{junction.name}'")
+    collector.unique(junction.stages, f"stages of '{junction.name}'")
     if junction.control == "signals" and not junction.stages:
-        roads = dict.fromkeys(
-            item.name for item in network.body if isinstance(item, m.Road) and junction.name in (item.start, item.end)
-        )
+        roads = dict.fromkeys(road.name for road in network.all(m.Road) if junction.name in (road.start, road.end))
         help = "add at least one: " + write(f"stage go for 25 s green [{', '.join(roads) or 'north, south'}]")
         collector.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
     if junction.control != "signals" and junction.stages:

@@ -43,11 +43,8 @@ def _check_case_names(collector: Collector, scenario: m.Scenario) -> None:
             continue
         reported.add(id(item))
         drawn = isinstance(item, m.Cases)
-        help = (
-            "take another seed, or " + rename("give the written case another name")
-            if drawn
-            else rename("give one of them another name")
-        )
+        help = rename("give the written case another name" if drawn else "give one of them another name")
+        help = "take another seed, or " + help if drawn else help
         collector.add(item, field, "FS030", f"there are two cases called '{name}'", help)
 
 
@@ -57,9 +54,8 @@ def _check_cases(collector: Collector, cases: m.Cases) -> bool:
     for field, low, high in (("count", 1, MAX_CASES), ("seed", 0, _MAX_SEED)):
         value: m.Quantity = getattr(cases, field)
         if value.unit or value.value != value.value.to_integral_value():
-            collector.add(
-                cases, field, "FS010", f"`{written(value)}` is not a whole number", "write one such as " + write("20")
-            )
+            message = f"`{written(value)}` is not a whole number"
+            collector.add(cases, field, "FS010", message, "write one such as " + write("20"))
             sound = False
         elif not low <= value.value <= high:
             message = f"`{written(value)}` cannot be the {'number of cases' if field == 'count' else 'seed'} of a draw"
@@ -75,9 +71,8 @@ def _check_distribution(collector: Collector, parameter: m.Param, distribution: 
         if isinstance(default, m.Quantity):
             twice = m.Quantity(value=default.value * 2 or Decimal(1), unit=default.unit)
             low = m.Quantity(value=Decimal(0) * default.value, unit=default.unit)
-            help = "give it a range: " + write(
-                f"{_head(parameter)} in {written(low)}..{written(twice)} as {written(distribution)}"
-            )
+            usage = f"{_head(parameter)} in {written(low)}..{written(twice)} as {written(distribution)}"
+            help = "give it a range: " + write(usage)
         else:
             help = "give it options: " + write(f"{_head(parameter)} in [{default}] as {written(distribution)}")
         collector.add(distribution, "", "FS051", f"'{parameter.name}' has no range or options to draw from", help)
@@ -109,18 +104,12 @@ def _check_normal(collector: Collector, parameter: m.Param, normal: m.Normal) ->
         ends = f"{written(limits.low)}..{written(limits.high)}"
         message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
         near = written(limits.low if normal.mean.si < limits.low.si else limits.high)
-        collector.add(
-            normal, "mean", "FS051", message, "use one inside it, such as " + write(near) + ", or widen the range"
-        )
+        help = "use one inside it, such as " + write(near) + ", or widen the range"
+        collector.add(normal, "mean", "FS051", message, help)
     if normal.deviation.si <= 0:
         message = f"the standard deviation `{written(normal.deviation)}` is too small"
-        collector.add(
-            normal,
-            "deviation",
-            "FS051",
-            message,
-            "it must be more than zero, such as " + write(written(_tenth(limits))),
-        )
+        help = "it must be more than zero, such as " + write(written(_tenth(limits)))
+        collector.add(normal, "deviation", "FS051", message, help)
 
 
 def _check_choice(collector: Collector, parameter: m.Param, choice: m.Choice) -> None:
@@ -137,16 +126,12 @@ def _check_choice(collector: Collector, parameter: m.Param, choice: m.Choice) ->
         collector.add(choice, "", "FS051", message, help)
     for k, weight in enumerate(weights):
         if weight.unit:
-            collector.add(
-                choice,
-                f"weights.{k}",
-                "FS051",
-                f"`{written(weight)}` is not a weight",
-                "a weight has no unit: " + write(written(m.Quantity(value=weight.value))),
-            )
+            help = "a weight has no unit: " + write(written(m.Quantity(value=weight.value)))
         elif weight.value <= 0:
             help = "a weight is more than zero, such as " + write("1") + "; to draw an option never, remove it"
-            collector.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is not a weight", help)
+        else:
+            continue
+        collector.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is not a weight", help)
 
 
 def _head(parameter: m.Param) -> str:

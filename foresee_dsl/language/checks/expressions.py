@@ -9,12 +9,11 @@ from foresee_dsl.helps import Help, HelpText, meant_code
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
-from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, turned
+from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, predicate, turned
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.messages.collector import Collector
-from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.units import Dimension
+from foresee_dsl.language.units import NOUNS, Dimension
 
 
 def refuse(collector: Collector, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
@@ -84,15 +83,11 @@ def compare_sides(collector: Collector, item: m.Comparison, types: Mapping[str, 
         return False
     if left == right:
         return True
-    message = f"`{written(item.left)}` is {in_words(left)}, but `{written(item.right)}` {_is(item.right, right)}"
+    message = f"`{written(item.left)}` is {in_words(left)}, but `{written(item.right)}` {predicate(item.right, right)}"
     dimension = named(left)
     help = "compare it with " + Collector.example(dimension) if dimension is not None else "compare values of one kind"
     collector.add(item, "right", "FS062", message, help)
     return False
-
-
-def _is(value: m.Item, powers: Powers) -> str:
-    return "has no unit" if isinstance(value, m.Quantity) and not value.unit else f"is {in_words(powers)}"
 
 
 def unknown_in(value: m.AnyValue, types: Mapping[str, m.ParamType]) -> bool:

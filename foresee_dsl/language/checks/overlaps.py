@@ -48,13 +48,8 @@ def _along(collector: Collector, edge: Directed, order: Sequence[m.Item]) -> Non
         if isinstance(item, m.OnRamp | m.OffRamp):
             if not cut.last and open_ramp is not None:
                 message = f"its extra lane overlaps that of {called(open_ramp.item)}"
-                collector.add(
-                    item,
-                    "at",
-                    "FS270",
-                    message,
-                    "move one, so that it ends before the other begins, or " + remove("remove one"),
-                )
+                help = "move one, so that it ends before the other begins, or " + remove("remove one")
+                collector.add(item, "at", "FS270", message, help)
                 return
             open_ramp = None if cut.last else cut
         elif isinstance(item, m.LaneEnd):

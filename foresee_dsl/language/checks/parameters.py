@@ -17,16 +17,12 @@ from foresee_dsl.language.checks.drawn import check_drawn
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
-from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.syntax.nodes import RESERVED
-from foresee_dsl.language.units import Dimension
 
 _TURNS = get_args(m.Turn)
 _SIDES = ("left", "right")
 _MODEL = re.compile(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*")
-WORD_TYPES = tuple(name for name in get_args(m.ParamType) if name not in get_args(Dimension))
-"""Types of parameters whose values are words."""
 _ON_STEP = 1e-6
 """Largest distance of a value from a whole number of steps, in steps (ours: far above rounding errors, far below a
 step)."""
@@ -35,14 +31,14 @@ step)."""
 def check_parameters(collector: Collector, scenario: m.Scenario) -> None:
     """Check the parameters and cases of a scenario."""
     parameters = scenario.all(m.Param)
-    collector.unique(((p, "name", p.name) for p in parameters), "parameters")
+    collector.unique(parameters, "parameters")
     for parameter in parameters:
         _check_parameter(collector, parameter)
     check_drawn(collector, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
         before, names = len(collector), {assignment.name: None for assignment in case.values}
-        collector.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
+        collector.unique(case.values, f"values in case '{case.name}'")
         for assignment in case.values:
             declared = by_name.get(assignment.name)
             if declared is None:
@@ -73,17 +69,12 @@ def _check_assignment(
     elif isinstance(value, m.EXPRESSIONS):
         from foresee_dsl.language.checks.expressions import check_expression, unknown_in
 
-        if parameter.type in WORD_TYPES:
+        if parameter.dimension is None:
             message = f"'{parameter.name}' is of type {parameter.type}, not a number"
-            collector.add(
-                assignment,
-                "value",
-                "FS034",
-                message,
-                "write it like the default, " + write(value_text(parameter.default)),
-            )
+            help = "write it like the default, " + write(value_text(parameter.default))
+            collector.add(assignment, "value", "FS034", message, help)
         elif not unknown_in(value, types):
-            check_expression(collector, assignment, "value", value, dimension_of(parameter), types)
+            check_expression(collector, assignment, "value", value, parameter.dimension, types)
     else:
         _check_value(collector, parameter, assignment, "value", value)
 
@@ -166,9 +157,8 @@ def _check_value(collector: Collector, parameter: m.Param, item: m.Item, field: 
     if not low - slack <= value.si <= high + slack:
         message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
         near = written(limits.low if value.si < low else limits.high)
-        collector.add(
-            item, field, "FS033", message, "use a value inside it, such as " + write(near) + ", or widen the range"
-        )
+        help = "use a value inside it, such as " + write(near) + ", or widen the range"
+        collector.add(item, field, "FS033", message, help)
     elif limits.step is not None and limits.step.si > 0:
         steps = (value.si - low) / limits.step.si
         if abs(steps - round(steps)) > _ON_STEP * max(1.0, abs(steps)):
@@ -194,9 +184,9 @@ def _check_type(collector: Collector, parameter: m.Param, item: m.Item, field: s
     if isinstance(value, m.Quantity):
         return _check_quantity(collector, parameter, item, field, value)
     type_ = parameter.type
-    if type_ not in WORD_TYPES:
+    if parameter.dimension is not None:
         message = f"'{parameter.name}' is of type {type_}, but `{value}` is a word"
-        collector.add(item, field, "FS034", message, "write " + collector.example(dimension_of(parameter)))
+        collector.add(item, field, "FS034", message, "write " + collector.example(parameter.dimension))
     elif type_ == "side" and value not in _SIDES:
         collector.add(item, field, "FS034", f"unknown side '{value}'", did_you_mean(value, _SIDES))
     elif type_ == "turn" and value not in _TURNS:
@@ -210,8 +200,8 @@ def _check_type(collector: Collector, parameter: m.Param, item: m.Item, field: s
 
 
 def _check_quantity(collector: Collector, parameter: m.Param, item: m.Item, field: str, value: m.Quantity) -> bool:
-    type_ = parameter.type
-    if type_ in WORD_TYPES:
+    type_, needed = parameter.type, parameter.dimension
+    if needed is None:
         help: dict[str, Help] = {
             "arm": "write the name of a road, such as " + write("south"),
             "turn": "turns are " + one_of(_TURNS),
@@ -223,7 +213,6 @@ def _check_quantity(collector: Collector, parameter: m.Param, item: m.Item, fiel
         a_model = "write the name of a model, such as " + write("car.compact")
         collector.add(item, field, "FS034", message, help.get(type_, a_model))
         return False
-    needed = dimension_of(parameter)
     if value.dimension != needed and not (needed == "count" and not value.unit):
         collector.wrong_dimension(item, field, value, needed, code="FS034")
         return False
@@ -232,8 +221,3 @@ def _check_quantity(collector: Collector, parameter: m.Param, item: m.Item, fiel
         collector.add(item, field, "FS034", message, "write one such as " + write("2"))
         return False
     return True
-
-
-def dimension_of(parameter: m.Param) -> Dimension:
-    """Return the dimension of a parameter whose values are quantities."""
-    return next(d for d in NOUNS if d == parameter.type)

@@ -6,13 +6,12 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values
-from foresee_dsl.language.checks.parameters import WORD_TYPES, dimension_of
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.sampling import holds, violation
 from foresee_dsl.language.traversal import parts
+from foresee_dsl.language.units import NOUNS
 
 
 def check_requirements(collector: Collector, scenario: m.Scenario) -> None:
@@ -53,14 +52,8 @@ def _check_part(collector: Collector, part: m.Condition, parameters: dict[str, m
         types = {name: parameter.type for name, parameter in parameters.items()}
         unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
         return not unknown and compare_sides(collector, part, types)
-    help = (
-        "compare parameters only: "
-        + write("require gap < 2 s")
-        + "; for what happens during the run use "
-        + write("when")
-        + " or "
-        + write("expect")
-    )
+    others = "; for what happens during the run use " + write("when") + " or " + write("expect")
+    help = "compare parameters only: " + write("require gap < 2 s") + others
     collector.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
     return False
 
@@ -69,9 +62,9 @@ def _check_equals(collector: Collector, part: m.Equals, parameters: dict[str, m.
     parameter = parameters.get(part.left.name)
     if parameter is None:
         return False  # `check_values` reports it
-    if parameter.type not in WORD_TYPES:
+    if parameter.dimension is not None:
         help = "compare it with a value: " + write(f"{parameter.name} <= {value_text(parameter.default)}")
-        message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, not a word"
+        message = f"'{parameter.name}' is {NOUNS[parameter.dimension]}, not a word"
         collector.add(part, "left", "FS032", message, help)
         return False
     if parameter.options is not None and part.right not in parameter.options:
@@ -89,19 +82,18 @@ def _check_compared(
     if any(name not in parameters for _, name in sides):
         return False
     for field, name in sides:
-        if parameters[name].type in WORD_TYPES:
+        if parameters[name].dimension is None:
             help = "write " + write(f"{name} is {value_text(parameters[name].default)}")
             message = f"'{name}' is a word, which cannot be less or more than another"
             collector.add(part, field, "FS032", message, help)
             return False
-    first = parameters[left.name]
-    needed = dimension_of(first)
+    needed, *others = [d for _, name in sides if (d := parameters[name].dimension) is not None]
     if isinstance(right, m.Quantity):
         if right.dimension != needed and not (needed == "count" and not right.unit):
             collector.wrong_dimension(part, "right", right, needed)
             return False
-    elif (other := dimension_of(parameters[right.name])) != needed:
-        message = f"'{left.name}' is {NOUNS[needed]}, but '{right.name}' is {NOUNS[other]}"
+    elif others != [needed]:
+        message = f"'{left.name}' is {NOUNS[needed]}, but '{right.name}' is {NOUNS[others[0]]}"
         collector.add(part, "right", "FS032", message, "compare parameters of one type")
         return False
     return True

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from foresee_dsl.errors import MessageText, subject
-from foresee_dsl.helps import HelpText, in_block, leave_out, one_of, remove, rename, write
+from foresee_dsl.helps import Help, HelpText, in_block, leave_out, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.overlaps import called, check_overlaps
 from foresee_dsl.language.messages.collector import Collector
@@ -41,7 +41,7 @@ def check_touching(
     collector: Collector, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
 ) -> None:
     """Report names that do not belong to a road at a junction; `named` holds (item, field, name) for each use."""
-    ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
+    ends = [(item.name, item.start, item.end) for item in network.all(m.Road)]
     ends += [(item.name, item.junction, item.junction) for item in network.body if isinstance(item, Ramp)]
     touching = [name for name, *of_road in ends if junction in of_road]
     for item, field, name in named:
@@ -100,12 +100,8 @@ class Streets:
         check_touching(self._collector, item.name, named, self._network)
         if len(ring.arms) < 2:
             roads = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
-            help: HelpText = (
-                "at least two roads must end there: add "
-                + write(f"road west from west_end to {item.name}")
-                + " and another, or "
-                + remove("remove it")
-            )
+            help: HelpText = "add " + write(f"road west from west_end to {item.name}") + " and another, or "
+            help = "at least two roads must end there: " + help + remove("remove it")
             self._add(item, "name", f"{roads} at the roundabout '{item.name}'", help)
             return
         for (angle, road), (following, other) in pairwise((*ring.arms, ring.arms[0])):
@@ -126,7 +122,7 @@ class Streets:
         for _, road in ring.arms:
             far = road.end if road.start == item.name else road.start
             points = [(road, f"via.{k}", point) for k, point in enumerate(road.via)]
-            others = [j for j in self._network.body if isinstance(j, m.Junction) and j.name == far]
+            others = [j for j in self._network.all(m.Junction) if j.name == far]
             for where, field, point in (*points, *((road, "start", j.at) for j in others)):
                 if math.dist((number(point.x), number(point.y)), ring.centre) < ring.outer_m + FROM_END_M:
                     message = f"road '{road.name}' has a point inside the roundabout or too close to it, '{item.name}'"
@@ -146,12 +142,9 @@ class Streets:
         if isinstance(item, m.Bump):
             limit = edge.road.speed
             if isinstance(item.speed, m.Quantity) and item.speed.si >= number(limit, 50 / 3.6):
-                self._add(
-                    item,
-                    "speed",
-                    f"the speed limit of the bump is not lower than that of its road '{edge.road.name}'",
-                    "use less, such as " + write(_slower(item.speed)),
-                )
+                message = f"the speed limit of the bump is not lower than that of its road '{edge.road.name}'"
+                half = m.Quantity(value=(item.speed.value / 2).normalize(), unit=item.speed.unit)
+                self._add(item, "speed", message, "use less, such as " + write(written(half)))
             return
         if not number(edge.road.sidewalk):
             help = in_block("sidewalk 2 m", edge.road.name, "road")
@@ -193,10 +186,9 @@ class Streets:
                 f"there is no room for this bay at {written(item.at)}: with its tapers it is {long_m:.0f} m long, "
                 f"and '{edge.id}' is {edge.length_m:.0f} m long"
             )
-            fits = "use a length from " + write(f"{first} m") + " to " + write(f"{last} m")
             short = "use a longer road, a shorter stop, or " + leave_out("bay")
             fitting = first <= last
-            self._add(item, "at" if fitting else "bay", message, fits if fitting else short)
+            self._add(item, "at" if fitting else "bay", message, _lengths(first, last) if fitting else short)
         if edge.road.cycle_lane is not None:
             message = f"'{edge.id}' has a cycle lane between this bay and its lanes, which a bus cannot cross"
             track = f"make it a cycle track of road '{edge.road.name}', which lies behind the bay, or "
@@ -204,8 +196,7 @@ class Streets:
 
     def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
         if item.junction not in self._junctions:
-            help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
+            self._unknown_junction(item)
             self._placed = False
         edge = self._edges.get(item.edge)
         if edge is None:
@@ -219,18 +210,14 @@ class Streets:
                 f"the extra lane of '{item.name}' is {length:g} m long, but '{edge.id}' is only "
                 f"{edge.length_m:.0f} m long"
             )
-            self._add(
-                item,
-                field,
-                message,
-                "use a length of " + write(f"{max(high - low, 20) // 2:.0f} m") + ", or a longer road",
-            )
+            fits = write(f"{max(high - low, 20) // 2:.0f} m")
+            self._add(item, field, message, "use a length of " + fits + ", or a longer road")
             return
         joins = isinstance(item, m.OnRamp)
         self._range(item, edge, low if joins else low + length, high - length if joins else high, "ramp")
         if not self._placed or item.via:
             return
-        junction = next((j for j in self._network.body if isinstance(j, m.Junction) and j.name == item.junction), None)
+        junction = next((j for j in self._network.all(m.Junction) if j.name == item.junction), None)
         if junction is not None and isinstance(item.at, m.Quantity):
             self._bend(item, edge, junction)
 
@@ -244,10 +231,8 @@ class Streets:
             verb = "before" if isinstance(item, m.OnRamp) else "behind"
             side = "on the left of" if right < 0 else "not " + verb
             message = f"'{junction.name}' lies {side} the place on '{edge.id}' where '{item.name}' meets it"
-            help = f"a ramp meets its edge on the right: put the junction to the right and {verb} it, or add " + write(
-                "via"
-            )
-            self._add(item, "junction", message, help)
+            help = f"a ramp meets its edge on the right: put the junction to the right and {verb} it, or add "
+            self._add(item, "junction", message, help + write("via"))
 
     def _range(self, item: layout.OnRoads, edge: Directed, low: float, high: float, word: str) -> None:
         at_m = number(item.at)
@@ -258,12 +243,11 @@ class Streets:
             self._add(item, "at", f"{long}, which is too short for a {word}", "use a longer road")
         else:
             message = f"there is no place for a {word} at {at_m:g} m: {long}"
-            self._add(
-                item,
-                "at",
-                message,
-                "use a length from " + write(f"{math.ceil(low)} m") + " to " + write(f"{math.floor(high)} m"),
-            )
+            self._add(item, "at", message, _lengths(math.ceil(low), math.floor(high)))
+
+    def _unknown_junction(self, item: m.OnRamp | m.OffRamp | m.BannedTurn) -> None:
+        help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
+        self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
 
     def _unknown_edge(self, item: m.Item, field: str, name: str, roads: Sequence[str]) -> None:
         help: HelpText
@@ -293,12 +277,10 @@ class Streets:
             return
         count = lanes_of(edge.road)[1 if edge.back else 0] - sum(isinstance(c.item, m.LaneEnd) for c in edge.cuts)
         if number(item.lane) > count:
-            lanes = f"{count} lanes" if count > 1 else "one lane"
-            help = (
-                "lanes are counted from the right, from " + write("1") + " to " + write(str(count))
-                if count > 1
-                else "its number is " + write("1")
-            )
+            lanes, help = "one lane", "its number is " + write("1")
+            if count > 1:
+                lanes = f"{count} lanes"
+                help = "lanes are counted from the right, from " + write("1") + " to " + write(str(count))
             self._collector.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
         exits = self._exits(edge)
         for k, turn in enumerate(item.turns):
@@ -309,25 +291,17 @@ class Streets:
 
     @property
     def _plain_junctions(self) -> frozenset[str]:
-        return frozenset(j.name for j in self._network.body if isinstance(j, m.Junction))
+        return frozenset(junction.name for junction in self._network.all(m.Junction))
 
     def _banned(self, item: m.BannedTurn) -> None:
         if item.junction in self._rings:
             part = f"{item.junction}_{item.roads[0]}"
-            help: HelpText = (
-                "vehicles may leave a roundabout at every arm, so "
-                + remove("remove it")
-                + "; "
-                + write(part)
-                + " is one of its junctions"
-            )
-            self._collector.add(
-                item, "junction", "FS270", f"'{item.junction}' is a roundabout, where `forbid` has no meaning", help
-            )
+            message = f"'{item.junction}' is a roundabout, where `forbid` has no meaning"
+            why = "vehicles may leave a roundabout at every arm, so " + remove("remove it") + "; "
+            self._collector.add(item, "junction", "FS270", message, why + write(part) + " is one of its junctions")
             return
         if item.junction not in self._plain_junctions:
-            help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
-            self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
+            self._unknown_junction(item)
             return
         named: list[tuple[m.Item, str, str]] = [(item, f"roads.{k}", name) for k, name in enumerate(item.roads)]
         check_touching(self._collector, item.junction, named, self._network)
@@ -373,9 +347,8 @@ class Streets:
                     self._collector.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"no way leads {item.turn} from '{road}' over '{item.junction}' anyway"
-                    self._collector.add(
-                        item, "turn", "FS270", message, "from there, ways lead " + one_of(sorted(ways), " or ")
-                    )
+                    help = "from there, ways lead " + one_of(sorted(ways), " or ")
+                    self._collector.add(item, "turn", "FS270", message, help)
                 ways.discard(item.turn)
 
     # ---- names ------------------------------------------------------------------------------------------------------
@@ -405,10 +378,9 @@ class Streets:
                 self._collector.add(item, "name", "FS030", message, rename("give it another name"))
 
 
-def _slower(speed: m.Quantity) -> str:
-    """Return half a speed as text."""
-    half = m.Quantity(value=(speed.value / 2).normalize(), unit=speed.unit)
-    return written(half)
+def _lengths(first: int, last: int) -> Help:
+    """Return the help to use a length between two others, m."""
+    return "use a length from " + write(f"{first} m") + " to " + write(f"{last} m")
 
 
 def _width(road: m.Road) -> float:

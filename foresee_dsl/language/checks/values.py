@@ -12,13 +12,12 @@ from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
-from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.sampling import TooFewError, draw
 from foresee_dsl.language.traversal import fields_of, walk
-from foresee_dsl.language.units import Dimension
+from foresee_dsl.language.units import NOUNS, Dimension
 
 _WORD_OF_FIELD: Mapping[str, ParamType] = {
     **{word: word for word in ("model", "junction", "turn", "side", "stage")},
@@ -124,13 +123,8 @@ _A_MODEL = {
 def _not_about_the_world(collector: Collector, item: m.Comparison | m.Equals) -> None:
     """Report a parameter in the place of a measured quantity: a parameter never changes during the run."""
     name = written(item.left)
-    help = (
-        "compare something that is measured in the run, such as "
-        + write("ego.speed")
-        + "; or write "
-        + write(f"require {written(item)}")
-        + " in the scenario"
-    )
+    requirement = write(f"require {written(item)}") + " in the scenario"
+    help = "compare something that is measured in the run, such as " + write("ego.speed") + "; or write " + requirement
     collector.add(item, "left", "FS052", f"'{name}' does not change during the run", help)
 
 

@@ -10,7 +10,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.compare import diff_models
-from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of
+from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, Group, kind_of
 from foresee_dsl.language.diff.plain import TextChange, texts
 from foresee_dsl.language.meaning import file_digest, models_named
 from foresee_dsl.language.project.addresses import (
@@ -149,17 +149,20 @@ def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
         return _under("network", diff_models(a, b))
     if a == b or (isinstance(a, Path) and isinstance(b, Path) and read_outside(a) == read_outside(b)):
         return ()
-    was, now = (network.name if network is not None else None for network in (a, b))
-    note = "other content" if was == now else ""
-    return (Difference("network", "network", kind_of(was, now), was, now, note, Edit("set", ("network",), b)),)
+    return _another_file("network", "network", a, b)
 
 
 def _diff_tracks(a: Path | None, b: Path | None) -> tuple[Difference, ...]:
     if a == b or (a is not None and b is not None and file_digest(a) == file_digest(b)):
         return ()
-    was, now = (tracks.name if tracks is not None else None for tracks in (a, b))
+    return _another_file("stimulus", "tracks", a, b)
+
+
+def _another_file(group: Group, what: str, a: _Network, b: _Network) -> tuple[Difference, ...]:
+    """Return the difference between two files that are named, not compared."""
+    was, now = (file.name if file is not None else None for file in (a, b))
     note = "other content" if was == now else ""
-    return (Difference("stimulus", "tracks", kind_of(was, now), was, now, note, Edit("set", ("tracks",), b)),)
+    return (Difference(group, what, kind_of(was, now), was, now, note, Edit("set", (what,), b)),)
 
 
 def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:

@@ -11,7 +11,6 @@ from typing import TypeVar
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of, renamed
-from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, keyword, name_of, text
 from foresee_dsl.language.meaning import ORDERED, content_key, same_value
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.addresses import mistake
@@ -178,7 +177,7 @@ def _block(place: _Place, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item
     pairs = match(a, b)
     words = _labels(a)
     for i, item in enumerate(a):
-        if isinstance(item, w.NO_MEANING):
+        if isinstance(item, m.FOR_PEOPLE):
             continue
         there = _Place(_inside(place.words, item, words[i]), (*place.at, i), _group(place, owner, item))
         if i in pairs:
@@ -211,7 +210,7 @@ def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int
         family = _family(owner, item)
         if j in back:
             last[family] = back[j]
-        elif not isinstance(item, w.NO_MEANING):
+        elif not isinstance(item, m.FOR_PEOPLE):
             edit = Edit("insert", (*place.at, last.get(family, -1)), item, j)
             where = _inside(place.words, item, words[j])
             yield Difference(_group(place, owner, item), where, "added", None, _text_of(item), "", edit)
@@ -261,7 +260,7 @@ def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
     without meaning have no partner.
     """
     pairs: dict[int, int] = {}
-    for key_of in (lambda item: None if isinstance(item, NO_MEANING) else content_key(item), _name_key):
+    for key_of in (lambda item: None if isinstance(item, m.FOR_PEOPLE) else content_key(item), _name_key):
         before = _places(map(key_of, a), pairs)
         after = _places(map(key_of, b), pairs.values())
         for key, places in before.items():
@@ -290,10 +289,10 @@ def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
     before, after = _named(a), _named(b)
     gone = [item for key, item in before.items() if key not in after]
     new = [item for key, item in after.items() if key not in before]
-    used = {name_of(item) for item in after.values()}
+    used = {w.name_of(item) for item in after.values()}
     for item in gone:
         for other in (other for other in new if type(other) is type(item)):
-            old_name, new_name = name_of(item) or "", name_of(other) or ""
+            old_name, new_name = w.name_of(item) or "", w.name_of(other) or ""
             # `renamed` also renames statements of other kinds. If one of those keeps the old name in `new`, it is
             # renamed back, and the two renames alternate forever.
             if (
@@ -307,8 +306,8 @@ def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
 
 def _named(definition: m.Item) -> dict[Hashable, m.Item]:
     body: Iterable[m.Item] = getattr(definition, "body", ())
-    named = (item for item in body if name_of(item) is not None and not isinstance(item, m.Network))
-    return {(type(item), name_of(item)): item for item in named}
+    named = (item for item in body if w.name_of(item) is not None and not isinstance(item, m.Network))
+    return {(type(item), w.name_of(item)): item for item in named}
 
 
 def _name_key(item: m.Item) -> Hashable:
@@ -319,8 +318,8 @@ def _name_key(item: m.Item) -> Hashable:
     if isinstance(item, m.Network):
         return "network"
     held = getattr(item, "item", None)  # for `add STATEMENT`, the added statement counts
-    key = _name_key(held) if isinstance(held, m.Item) else name_of(item)
-    return None if key is None or isinstance(item, NO_MEANING) else (type(item).__name__, key)
+    key = _name_key(held) if isinstance(held, m.Item) else w.name_of(item)
+    return None if key is None or isinstance(item, m.FOR_PEOPLE) else (type(item).__name__, key)
 
 
 def _places(keys: Iterable[Hashable], taken: Iterable[int]) -> dict[Hashable, list[int]]:
@@ -352,11 +351,11 @@ def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> d
 def _slot(item: m.Item) -> Hashable:
     """Return the key that two statements without a name must share to be paired; None for statements with a name,
     because those are paired by their names."""
-    if isinstance(item, NO_MEANING):
+    if isinstance(item, m.FOR_PEOPLE):
         return None
     if _is_open(item):
         return type(item).__name__
-    return None if _name_key(item) is not None else keyword(item)
+    return None if _name_key(item) is not None else w.keyword(item)
 
 
 def _is_open(item: m.Item) -> bool:
@@ -384,7 +383,7 @@ def _best(a: Sequence[m.Item], b: Sequence[m.Item], mine: list[int], theirs: lis
 
 
 def _words(item: m.Item) -> Counter[str]:
-    printed = print_item(item) if is_statement(item) else text(item)
+    printed = print_item(item) if w.is_statement(item) else w.text(item)
     return Counter(re.findall(r"[^\s(),]+", printed))
 
 

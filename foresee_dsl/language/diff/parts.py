@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import changed_fields
 
 Group = Literal["parent", "stimulus", "ego", "environment", "network", "expectation"]
 GROUPS: Mapping[Group, str] = {
@@ -181,22 +182,14 @@ def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:
 
 def renamed(item: _T, old: str, new: str) -> _T:
     """Return an item in which one name is replaced in every field that holds names."""
-    changed: dict[str, object] = {}
-    for name, field in type(item).model_fields.items():
-        before = getattr(item, name)
-        after = _renamed_value(before, old, new)
-        if after is not before and not (after == new and _takes_words(field.annotation)):
-            changed[name] = after
+
+    def renamed_part(name: str, part: object) -> object:
+        if isinstance(part, m.Item) and (isinstance(part, m.Calculated) or not isinstance(part, m.Quantity)):
+            return renamed(part, old, new)
+        return new if part == old and not _takes_words(type(item).model_fields[name].annotation) else part
+
+    changed = changed_fields(item, renamed_part)
     return item.model_copy(update=changed) if changed else item
-
-
-def _renamed_value(value: object, old: str, new: str) -> object:
-    if isinstance(value, m.Item) and (isinstance(value, m.Calculated) or not isinstance(value, m.Quantity)):
-        return renamed(value, old, new)
-    if isinstance(value, tuple):
-        parts = tuple(_renamed_value(part, old, new) for part in value)
-        return parts if any(x is not y for x, y in zip(parts, value, strict=True)) else value
-    return new if isinstance(value, str) and value == old else value
 
 
 def _takes_words(annotation: object) -> bool:

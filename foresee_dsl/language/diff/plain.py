@@ -12,7 +12,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.evaluate import evaluate
-from foresee_dsl.language.diff.wording import NO_MEANING, field_path, is_statement, join, label, text
+from foresee_dsl.language.diff.wording import field_path, is_statement, join, label, text
 from foresee_dsl.language.meaning import ORDERED, SIGNIFICANT_DIGITS, same_value
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
@@ -52,7 +52,7 @@ class TextChange(NamedTuple):
 def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
     """Return those differences between two definitions that do not change the meaning."""
     before, after = (
-        {label(item): item for item in getattr(model, "body", ()) if isinstance(item, NO_MEANING)} for model in (a, b)
+        {label(item): item for item in getattr(model, "body", ()) if isinstance(item, m.FOR_PEOPLE)} for model in (a, b)
     )
     labels = [*before, *(words for words in after if words not in before)]
     labelled = [(words, before.get(words), after.get(words)) for words in labels]
@@ -108,7 +108,7 @@ def _plain(item: _T, people: bool) -> _T:
 
 
 def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) -> tuple[object, ...]:
-    meant = [p for p in parts if people or isinstance(p, m.Expected) or not isinstance(p, NO_MEANING)]
+    meant = [p for p in parts if people or isinstance(p, m.Expected) or not isinstance(p, m.FOR_PEOPLE)]
     printed = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
     if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in printed):
         # The order of the other statements matters here; the places of expected results among them do not.

@@ -6,6 +6,7 @@ import html
 import textwrap
 from collections.abc import Sequence
 
+from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Group, once
 from foresee_dsl.language.diff.plain import TextChange
 
@@ -14,8 +15,8 @@ _MARKS = {"changed": "~", "added": "+", "removed": "-", "renamed": "=", "moved":
 _COLOURS = {"changed": "33", "added": "32", "removed": "31", "renamed": "36", "moved": "36"}
 """ANSI colours: yellow, green, red, cyan."""
 _BOLD = "1"
-_FOR_PEOPLE = ("doc", "tags", "expected", "risk", "fidelity", "origin")
-"""Statements for people: a report only names them and does not print their texts."""
+_FOR_PEOPLE = tuple(m.rule_of(kind) for kind in m.FOR_PEOPLE)
+"""Words of the statements for people: a report only names them and does not print their texts."""
 _LONG_LIST = 12
 """Number of differences from which a group in a pull request's comment is folded (ours: more than a screen shows)."""
 

@@ -13,9 +13,6 @@ from foresee_dsl.language.printer import Layout, layout, listing, print_item, wr
 from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 
-NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Expected, m.Origin)
-"""Statements for people, which have no meaning; `language.meaning` leaves them out of the hash too."""
-
 _WORD = re.compile(r"[a-z_]+")
 _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
 """Statements whose label has only the first word of their pattern, although further fixed words follow it in the

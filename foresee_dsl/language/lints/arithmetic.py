@@ -67,16 +67,21 @@ def intervals(scenario: m.Scenario) -> dict[str, Interval]:
     """
     ranges: dict[str, Interval] = {}
     for param in scenario.all(m.Param):
-        options = [option.si for option in param.options or () if isinstance(option, m.Quantity)]
-        if param.range is not None:
-            ranges[param.name] = (param.range.low.si, param.range.high.si)
-        elif options:
-            ranges[param.name] = (min(options), max(options))
+        if (interval := interval_of_param(param)) is not None:
+            ranges[param.name] = interval
     for require in scenario.all(m.Require):
         for part in _all_of(require.condition):
             if isinstance(part.left, m.Ref) and isinstance(part.right, m.Quantity) and part.left.name in ranges:
                 ranges[part.left.name] = _cut(ranges[part.left.name], part.op, part.right.si)
     return ranges
+
+
+def interval_of_param(param: m.Param) -> Interval | None:
+    """Return the smallest and the largest value of a parameter, SI; None if a case may give it any value."""
+    if param.range is not None:
+        return param.range.low.si, param.range.high.si
+    options = [option.si for option in param.options or () if isinstance(option, m.Quantity)]
+    return (min(options), max(options)) if options else None
 
 
 def _all_of(condition: m.Condition) -> Iterator[m.Comparison]:

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.lints.arithmetic import interval_of_param
 from foresee_dsl.language.lints.logic import holds_for_some, negated
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import value_text, written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
 _WIDEST_LANE_M = 10.0
@@ -188,29 +189,20 @@ def _range(left: m.Measure, limits: Limits) -> tuple[float, float, str]:
 
 def _out_of_range(comparison: m.Comparison, left: m.Ref, limits: Limits) -> str:
     """Return the reason why a requirement excludes every value of its parameter; an empty text if it does not."""
-    mine = _interval(limits.parameters.get(left.name))
-    right = comparison.right
-    theirs = (right.si, right.si) if isinstance(right, m.Quantity) else None
-    if isinstance(right, m.Ref):
-        theirs = _interval(limits.parameters.get(right.name))
-    if mine is None or theirs is None:
+    parameter, right = limits.parameters.get(left.name), comparison.right
+    other = limits.parameters.get(right.name) if isinstance(right, m.Ref) else None
+    mine = interval_of_param(parameter) if parameter is not None else None
+    theirs = interval_of_param(other) if other is not None else None
+    if isinstance(right, m.Quantity):
+        theirs = right.si, right.si
+    if parameter is None or mine is None or theirs is None:
         return ""
     bound = theirs[1] if comparison.op[0] == "<" else theirs[0]
     if holds_for_some(comparison.op, bound, *mine):
         return ""
-    parameter = limits.parameters[left.name]
-    values = written(parameter.range) if parameter.range is not None else ", ".join(sorted(_texts(parameter)))
+    options = ", ".join(sorted(map(value_text, parameter.options or ())))
+    values = written(parameter.range) if parameter.range is not None else options
     return f"'{left.name}' can be {values}"
-
-
-def _interval(parameter: m.Param | None) -> tuple[float, float] | None:
-    """Return the smallest and the largest value of a parameter; None if a case may give it any value."""
-    if parameter is None:
-        return None
-    if parameter.range is not None:
-        return parameter.range.low.si, parameter.range.high.si
-    numbers = [option.si for option in parameter.options or () if isinstance(option, m.Quantity)]
-    return (min(numbers), max(numbers)) if numbers else None
 
 
 def _no_option(condition: m.Equals, limits: Limits) -> str:
@@ -223,11 +215,6 @@ def _no_option(condition: m.Equals, limits: Limits) -> str:
 
 def _options(parameter: m.Param | None) -> set[str]:
     return {option for option in parameter.options or () if isinstance(option, str)} if parameter is not None else set()
-
-
-def _texts(parameter: m.Param) -> Iterator[str]:
-    for option in parameter.options or ():
-        yield written(option) if isinstance(option, m.Quantity) else option
 
 
 # ---- parts that exclude each other ----------------------------------------------------------------------------------

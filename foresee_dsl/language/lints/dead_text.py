@@ -136,13 +136,8 @@ def _decided(lints: Collector, expect: m.Expect, limits: Limits) -> None:
         return
     met = bool(cannot) if expect.mode == "never" else bool(must)
     message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
-    lints.add(
-        expect,
-        "condition",
-        "FS307",
-        message,
-        "expect something that a driver can meet or miss, or " + remove("remove it"),
-    )
+    help = "expect something that a driver can meet or miss, or " + remove("remove it")
+    lints.add(expect, "condition", "FS307", message, help)
 
 
 def _dead_parts(lints: Collector, condition: m.Condition, limits: Limits) -> None:
@@ -164,31 +159,20 @@ def dead_requirements(lints: Collector, scenario: m.Scenario) -> None:
         dead, certain = never(require.condition, limits), always(require.condition, limits)
         if dead or certain:
             message = f"{'no case meets this' if dead else 'every case meets this'}: {dead or certain}"
-            lints.add(
-                require,
-                "condition",
-                "FS315",
-                message,
-                "change the requirement, or " + remove("remove it"),
-            )
+            lints.add(require, "condition", "FS315", message, "change the requirement, or " + remove("remove it"))
         else:
             _dead_parts(lints, require.condition, limits)
 
 
-def blind_actors(lints: Collector, case: TestCase) -> None:
-    """Report `sees` for an actor other than the ego, which alone has sensors."""
+def odd_measures(lints: Collector, case: TestCase) -> None:
+    """Report `sees` for an actor other than the ego, which alone has sensors, and measures between an actor and
+    itself."""
     for statement in case.scenario.body:
         for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Sees) and part.actor != "ego":
                 message = f"'{part.actor}' has no sensors: only the ego sees"
                 help = "write " + write(f"{part.other} in sight of {part.actor}")
                 lints.add(part, "actor", "FS316", message, help)
-
-
-def of_itself(lints: Collector, case: TestCase) -> None:
-    """Report measures between an actor and itself."""
-    for statement in case.scenario.body:
-        for part in walk(statement) if isinstance(statement, m.When | m.Expect) else ():
             if isinstance(part, m.Measure) and part.actor is not None and part.actor == part.other:
                 message = f"`{written(part)}` is measured between '{part.actor}' and itself"
                 lints.add(part, "other", "FS315", message, "name two different actors")

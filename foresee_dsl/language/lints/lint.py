@@ -13,7 +13,7 @@ from foresee_dsl.language.codes import diagnostic_of
 from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.arithmetic import divisions_by_zero
-from foresee_dsl.language.lints.dead_text import blind_actors, certain_conditions, dead_requirements, of_itself
+from foresee_dsl.language.lints.dead_text import certain_conditions, dead_requirements, odd_measures
 from foresee_dsl.language.meaning import file_pin
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.project.concretise import SETTLED
@@ -120,15 +120,7 @@ def _not_pinned(lints: Collector, case: TestCase) -> None:
 
 _SCENARIO_LINTS = (_unused_parameters, _dead_cases, divisions_by_zero, dead_requirements)
 """All lints of a scenario as it is written."""
-_CASE_LINTS = (
-    certain_conditions,
-    _nothing_expected,
-    blind_actors,
-    of_itself,
-    actor_lints,
-    route_lints,
-    _not_pinned,
-)
+_CASE_LINTS = (certain_conditions, _nothing_expected, odd_measures, actor_lints, route_lints, _not_pinned)
 """All lints of a test case."""
 
 
@@ -184,17 +176,10 @@ def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
         if column is not None:
             sign = line[column]
             name = unicodedata.name(sign, "a control character").lower()
-            yield diagnostic_of(
-                "FS313",
-                (
-                    f"the invisible character U+{ord(sign):04X} ({name}) may make this line look different "
-                    "from what it says"
-                ),
-                "delete the character",
-                path,
-                Span(number, column + 1, number, column + 2),
-                line,
-            )
+            message = f"the invisible character U+{ord(sign):04X} ({name}) may make this line look different "
+            message += "from what it says"
+            span = Span(number, column + 1, number, column + 2)
+            yield diagnostic_of("FS313", message, "delete the character", path, span, line)
 
 
 def _is_hidden(sign: str) -> bool:

@@ -10,11 +10,10 @@ from decimal import Decimal
 from foresee_dsl.errors import Diagnostic, InputError, MessageText, Span
 from foresee_dsl.helps import Help, HelpText, remove, rename, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.printer import print_item, written
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.units import Dimension
+from foresee_dsl.language.units import EXAMPLES, NOUNS, Dimension
 
 
 class Collector:
@@ -66,19 +65,14 @@ class Collector:
             message = f"`{word[0] if word else item}` is written twice"
             self.add(item, "", "FS047", message, remove("keep one of the two"), head_only=True)
 
-    def unique(self, named: Iterable[tuple[m.Item, str, str]], what: str) -> None:
-        """Report names that two items have; `named` yields (item, field of the name, name), and `what` names the items
-        in the plural."""
-        seen: set[str] = set()
-        for item, field, name in named:
-            if name in seen:
-                self.add(
-                    item,
-                    field,
-                    "FS030",
-                    f"there are two {what} called '{name}'",
-                    rename("give one of them another name"),
-                )
+    def unique(self, items: Iterable[m.Item], what: str) -> None:
+        """Report names that two items have; `what` names the items in the plural. Items without a name are allowed."""
+        seen: set[str | None] = set()
+        for item in items:
+            name: str | None = getattr(item, "name", None)
+            if name is not None and name in seen:
+                message = f"there are two {what} called '{name}'"
+                self.add(item, "name", "FS030", message, rename("give one of them another name"))
             seen.add(name)
 
     def wrong_dimension(

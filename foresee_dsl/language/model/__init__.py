@@ -27,6 +27,6 @@ Definition = Scenario | Extension | Clip | Mutant | Network | Catalogue | Campai
 ITEMS: tuple[type[Item], ...] = tuple(
     kind
     for kind in vars().copy().values()
-    if isinstance(kind, type) and issubclass(kind, Item) and kind not in (Item, Phrase)
+    if isinstance(kind, type) and issubclass(kind, Item) and kind not in (Item, Phrase, Block)
 )
 """Every class of the model."""

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.actions import HARDEST_MPS2, WIDEST_LINE_M, Joins
-from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item, Names, Phrase
 
 
 class Leg(Phrase, kind=""):
@@ -371,7 +371,7 @@ ActorItem = Annotated[
 ]
 
 
-class Ego(Item):
+class Ego(Block):
     """`ego: car.sedan { ... }`: the vehicle that the driver under test drives."""
 
     pattern = "ego: {model} [{state}] [{ ...body }]"
@@ -387,7 +387,7 @@ class Ego(Item):
         return "ego"
 
 
-class Actor(Item):
+class Actor(Block):
     """`vehicle runner: car.compact { ... }`; also `bicycle`, `pedestrian`, `obstacle`.
 
     `vehicle` takes models of the classes car, van, truck, bus and motorcycle.

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from foresee_dsl.language.campaign_values import AROUND_S, CHILDREN, REPEAT, RISKY_POINTS, SEED
-from foresee_dsl.language.model.item import ONE_OF, Bounds, Item
+from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
 
@@ -206,7 +206,7 @@ CampaignItem = Annotated[
 ]
 
 
-class Campaign(Item):
+class Campaign(Block):
     """`campaign nightly { seeds "scenarios/**"; drivers [pdm]; budget 30 min }`: the campaign that `foresee campaign
     FILE` runs."""
 

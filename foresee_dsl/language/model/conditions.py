@@ -375,24 +375,8 @@ Either.model_rebuild()
 
 TAKEN = frozenset(
     (
-        *(
-            "then",
-            "wait",
-            "limit",
-            "door",
-            "once",
-            "every",
-            "next",
-            "never",
-            "always",
-            "eventually",
-            "within",
-            "not",
-            "door",
-            "limit",
-        ),
-        *("time", "distance", "ttc", "ttc_along", "headway", "lateral", "overlap", "relative_speed"),
-        *("collision", "arrived", "signal"),
+        *("then", "wait", "limit", "door", "once", "every", "next", "never", "always", "eventually", "within", "not"),
+        *("time", "distance", *BETWEEN_ACTORS, "collision", "arrived", "signal"),
     )
 )
 """Words that begin a condition or an action, or stand before one.

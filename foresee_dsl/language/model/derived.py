@@ -10,25 +10,13 @@ from types import MappingProxyType
 from typing import Annotated, Literal
 
 from foresee_dsl.language.model import actors as a
+from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.actions import HARDEST_MPS2, WIDEST_LINE_M
-from foresee_dsl.language.model.item import ONE_OF, Item, Names
+from foresee_dsl.language.model.item import ONE_OF, Block, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.model.scenario import Expected, ParamValue, SignalState, Slippery, Statement, Tags
 from foresee_dsl.language.model.triggers import When
-from foresee_dsl.language.model.values import (
-    ActorName,
-    Expression,
-    FilePath,
-    Id,
-    Length,
-    Name,
-    Pin,
-    Point,
-    Quantity,
-    Text,
-    Time,
-)
 from foresee_dsl.language.units import Dimension
 
 # ---- what a change may name -----------------------------------------------------------------------------------------
@@ -69,10 +57,10 @@ class Property:
         return form_of(*self.statement).dimension if self.statement is not None else None
 
     @property
-    def default(self) -> Quantity | None:
+    def default(self) -> v.Quantity | None:
         """The value for an actor without the statement, as a quantity."""
         dimension = self.dimension
-        return Quantity.of(self.neutral, dimension, 0) if dimension is not None and self.neutral is not None else None
+        return v.Quantity.of(self.neutral, dimension, 0) if dimension is not None and self.neutral is not None else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +91,7 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
         ),
         "timing": Property((a.Timing, "factor"), 1, lambda factor: factor > 0, "timing must be a factor above zero"),
         "speed": Property(
-            (a.CruiseSpeed, "speed"), None, lambda v: v >= 0, "a speed must be zero or more", for_ego=True
+            (a.CruiseSpeed, "speed"), None, lambda speed: speed >= 0, "a speed must be zero or more", for_ego=True
         ),
         "delay": Property((a.Delay, "time"), 0, lambda delay: delay >= 0, "a delay must be zero or more"),
         "line": Property(
@@ -164,13 +152,13 @@ class Change(Item):
             | change runner.timing: 1.00 => 0.80
     """
 
-    actor: ActorName
+    actor: v.ActorName
     """Name of the actor, or one of `weather`, `expect`, `param` and `end`."""
-    property: Name
-    was: Annotated[ParamValue | Expression, Names("model")]
-    now: Annotated[ParamValue | Expression, Names("model")]
-    start: Time | None = None
-    duration: Time | None = None
+    property: v.Name
+    was: Annotated[ParamValue | v.Expression, Names("model")]
+    now: Annotated[ParamValue | v.Expression, Names("model")]
+    start: v.Time | None = None
+    duration: v.Time | None = None
 
 
 # ---- scenarios that extend another ----------------------------------------------------------------------------------
@@ -222,13 +210,13 @@ class Drop(Item):
     words = "drop (statement): a statement of the extended scenario that this one does not have | drop vehicle runner"
 
     what: Droppable
-    name: Id | None = None
+    name: v.Id | None = None
 
 
 ExtensionItem = Annotated[Doc | Tags | Expected | Add | Replace | Change | Drop, ONE_OF]
 
 
-class Extension(Item):
+class Extension(Block):
     """`scenario wet_runner extends "runner.foresee" { ... }`: the other scenario with its cases, and these differences.
 
     The result has this file's `doc`, `tags` and `expected`; if this file has no tags, it has the other scenario's tags.
@@ -237,8 +225,8 @@ class Extension(Item):
     pattern = "scenario {name} extends {parent} { ...body }"
     words = 'extends (link): before the scenario from which this one differs | wet extends "dry.foresee"'
 
-    name: Name
-    parent: FilePath
+    name: v.Name
+    parent: v.FilePath
     body: tuple[ExtensionItem, ...]
 
 
@@ -251,8 +239,8 @@ class Window(Item):
     pattern = "window {start}..{end}"
     words = "window (statement): the seconds of the parent's run that a clip contains | window 12.40 s..22.40 s"
 
-    start: Time
-    end: Time
+    start: v.Time
+    end: v.Time
 
 
 class Risk(Item):
@@ -268,12 +256,12 @@ class Risk(Item):
             | risk "..." at 17.40 s with runner by steer
     """
 
-    text: Text
-    at: Time | None = None
+    text: v.Text
+    at: v.Time | None = None
     """The risky point in the parent's time: `risk "..." at 17.40 s`."""
-    actor: ActorName | None = None
+    actor: v.ActorName | None = None
     """The actor that the risk is about: `risk "..." at 17.40 s with runner`."""
-    operator: Name | None = None
+    operator: v.Name | None = None
     """The mutation operator that is proposed for this actor: `risk "..." at 17.40 s with runner by steer`."""
 
 
@@ -283,7 +271,7 @@ class Goal(Item, kind="clip_goal"):
 
     pattern = "goal {at}"
 
-    at: Point
+    at: v.Point
 
 
 class Fidelity(Item):
@@ -299,8 +287,8 @@ class Fidelity(Item):
             | fidelity 0.00 m ego 0.12 m
     """
 
-    deviation: Length
-    ego: Length | None = None
+    deviation: v.Length
+    ego: v.Length | None = None
 
 
 ClipItem = Annotated[
@@ -308,7 +296,7 @@ ClipItem = Annotated[
 ]
 
 
-class Clip(Item):
+class Clip(Block):
     """`clip NAME of "parent.foresee" case r02 pin sha256:... { ... }`.
 
     The network, models, weather and expectations are the parent's; the clip contains everything that moves.
@@ -321,22 +309,22 @@ class Clip(Item):
         pin (link): the hash of what the parent means | pin sha256:5ef2c6120a41
     """
 
-    name: Name
-    parent: FilePath
-    case: Annotated[Name, Names("case")] | None = None
-    pin: Pin
+    name: v.Name
+    parent: v.FilePath
+    case: Annotated[v.Name, Names("case")] | None = None
+    pin: v.Pin
     body: tuple[ClipItem, ...]
 
     @property
     def start_s(self) -> float:
         """Beginning of its window, in the parent's time, s."""
-        window = next((item for item in self.body if isinstance(item, Window)), None)
-        return window.start.si if window and isinstance(window.start, Quantity) else 0.0
+        window = self.first(Window)
+        return window.start.si if window and isinstance(window.start, v.Quantity) else 0.0
 
     @property
     def risk(self) -> Risk | None:
         """The forecaster's sentence, if any."""
-        return next((item for item in self.body if isinstance(item, Risk)), None)
+        return self.first(Risk)
 
 
 class Origin(Item):
@@ -368,24 +356,26 @@ class Origin(Item):
             | anticipating undecided
     """
 
-    operator: tuple[Name, ...] = ()
-    preset: Name | None = None
-    seed: Quantity | None = None
-    why: Text | None = None
-    tool: Text | None = None
-    driver: Text | None = None
-    goal: Name | None = None
-    found: Text | None = None
-    minimised: Text | None = None
+    operator: tuple[v.Name, ...] = ()
+    preset: v.Name | None = None
+    seed: v.Quantity | None = None
+    why: v.Text | None = None
+    tool: v.Text | None = None
+    driver: v.Text | None = None
+    goal: v.Name | None = None
+    found: v.Text | None = None
+    minimised: v.Text | None = None
     preventable: Literal["yes", "no", "unknown"] | None = None
     anticipating: Literal["braking", "evading", "ahead", "no", "undecided"] | None = None
-    avoided: Text | None = None
+    avoided: v.Text | None = None
 
 
 MutantItem = Annotated[Doc | Change | Expected | Origin, ONE_OF]
+FOR_PEOPLE = (Doc, Tags, Risk, Fidelity, Expected, Origin)
+"""Statements for people, which have no meaning: the hash and comparisons of files leave them out."""
 
 
-class Mutant(Item):
+class Mutant(Block):
     """`mutant NAME of "clip.foresee" pin sha256:... { change ...; origin { ... } }`."""
 
     pattern = "mutant {name} of {parent} pin {pin} { ...body }"
@@ -394,17 +384,17 @@ class Mutant(Item):
             | mutant runner_p1_m3 of "runner_p1.foresee" pin sha256:c347e6a70b92 { ... }
     """
 
-    name: Name
-    parent: FilePath
-    pin: Pin
+    name: v.Name
+    parent: v.FilePath
+    pin: v.Pin
     body: tuple[MutantItem, ...]
 
     @property
     def changes(self) -> tuple[Change, ...]:
         """The change lines, in order."""
-        return tuple(item for item in self.body if isinstance(item, Change))
+        return self.all(Change)
 
     @property
     def origin(self) -> Origin | None:
         """The origin block, if any."""
-        return next((item for item in self.body if isinstance(item, Origin)), None)
+        return self.first(Origin)

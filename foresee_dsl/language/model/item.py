@@ -3,7 +3,8 @@
 import inspect
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
@@ -53,11 +54,6 @@ class Bounds:
     high: float = 1e9
 
 
-MOST_INLINE = 4
-"""Maximum number of settings of a road or a case on one line (ours; a number, not a width, so that an edit of a value
-never changes the line breaks)."""
-
-
 class Item(BaseModel):
     """Base of every statement and part of a file: immutable, compared by value, without unknown fields.
 
@@ -74,10 +70,12 @@ class Item(BaseModel):
         in_brackets: the kinds of condition that need brackets when they are parts of this condition.
         in_brackets_of: for some fields, the kinds of calculation that need brackets there.
         never_bare: names that are quoted here, because the parser would take them for the rest of the statement.
+        one_line_without: the fields that must be empty for a short block to be written on the line of its head; None:
+            the block always has lines of its own.
     """
 
     # A class's validator is built at its first use: a file uses a third of the classes.
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, ignored_types=(str, tuple))
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, ignored_types=(str, tuple, NoneType))
 
     if TYPE_CHECKING:
         kind: str = ""
@@ -86,11 +84,13 @@ class Item(BaseModel):
         in_brackets: ClassVar[tuple[str, ...]]
         in_brackets_of: ClassVar[tuple[tuple[str, tuple[str, ...]], ...]]
         never_bare: ClassVar[tuple[str, ...]]
+        one_line_without: ClassVar[tuple[str, ...] | None]
 
     # These are annotated only for the type checker (see above), because pydantic 2.14 evaluates the annotations of a
-    # base again for each of its hundred subclasses. Without an annotation, texts and tuples are not fields.
+    # base again for each of its hundred subclasses. Without an annotation, texts, tuples and None are not fields.
     pattern = words = ""
     in_brackets = in_brackets_of = never_bare = ()
+    one_line_without = None
 
     def __init_subclass__(cls, kind: str | None = None, **_: Any) -> None:  # noqa: ANN401 - pydantic's, for itself
         """Give the class its `kind`, before pydantic collects its fields."""
@@ -104,14 +104,27 @@ class Item(BaseModel):
         """Return the pattern of this item; classes with several forms override it."""
         return self.pattern
 
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether a block with this number of lines is written on the line of its head."""
-        del lines
-        return False
-
 
 class Phrase(Item, kind=""):
     """Base of the parts of statements: values, places, conditions."""
+
+
+_T = TypeVar("_T", bound=Item)
+
+
+class Block(Item, kind=""):
+    """Base of definitions and statements whose braces hold statements, in the author's order."""
+
+    if TYPE_CHECKING:
+        body: tuple[Item, ...]
+
+    def all(self, kind: type[_T]) -> tuple[_T, ...]:
+        """Return the statements of one kind, in the author's order."""
+        return tuple(item for item in self.body if isinstance(item, kind))
+
+    def first(self, kind: type[_T]) -> _T | None:
+        """Return the first statement of one kind, or None if there is none."""
+        return next((item for item in self.body if isinstance(item, kind)), None)
 
 
 def rule_of(kind: type[Item]) -> str:

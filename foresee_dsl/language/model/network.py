@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names
+from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item, Names
 from foresee_dsl.language.model.streets import BannedTurn, Bump, LaneEnd, LaneTurns, OffRamp, OnRamp, Roundabout, Zebra
 
 
@@ -55,6 +55,7 @@ class Junction(Item):
         stop (statement): a bus stop of a network; as a junction's control, an all-way stop
             | stop market on mill_west at 60 m length 20 m
     """
+    one_line_without = ("stages",)
 
     name: Annotated[v.Name, Names("junction", defines=True)]
     at: v.Point
@@ -62,11 +63,6 @@ class Junction(Item):
     crossings: tuple[v.Name, ...] | None = None
     """The roads that pedestrians can cross; an empty tuple means all roads, None means no roads."""
     stages: tuple[Stage, ...] = ()
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has no stages, each of which takes a line."""
-        del lines
-        return not self.stages
 
 
 class Road(Item):
@@ -100,6 +96,7 @@ class Road(Item):
         shoulder (setting): a strip of this width for stops in an emergency, right of each edge's lanes | shoulder 2.5 m
         median (setting): the distance between a road's two directions | median 1.5 m
     """
+    one_line_without = ("via",)
 
     name: Annotated[v.Name, Names("road", defines=True)]
     start: Annotated[v.Name, Names("junction")]
@@ -119,10 +116,6 @@ class Road(Item):
     cycle_track: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None
     shoulder: Annotated[v.Length, Bounds(0.5, 5.0)] | None = None
     via: tuple[v.Point, ...] = ()
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few settings and no list of points."""
-        return lines <= MOST_INLINE and not self.via
 
 
 class Building(Item):
@@ -178,7 +171,7 @@ NetworkItem = Annotated[
 ]
 
 
-class Network(Item):
+class Network(Block):
     """`network town { ... }`: a file of its own, or a block `network { ... }` inside a scenario (then the name is
     `here`)."""
 
@@ -244,7 +237,7 @@ class VehicleModel(Item, kind="model"):
     source: v.Text | None = None
 
 
-class Catalogue(Item, kind="models"):
+class Catalogue(Block, kind="models"):
     """`models standard { model car.compact { ... } ... }`: a catalogue of models."""
 
     pattern = "models {name} { ...body }"

@@ -3,31 +3,17 @@
 The expected result of a run with a driver (`Expected`) is recorded with a test case, but is not part of its meaning.
 """
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
 from foresee_dsl.language.model.triggers import When
-from foresee_dsl.language.model.values import (
-    ActorName,
-    Expression,
-    FilePath,
-    Id,
-    JunctionId,
-    Length,
-    Name,
-    Pin,
-    Place,
-    Quantity,
-    Ratio,
-    StageId,
-    Time,
-    Word,
-)
+from foresee_dsl.language.units import Dimension, dimension_of
 
 FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "rule", "timeout"]
 """Names of failures, the same as in `simulate.results.verdict`. A crash cannot be expected."""
@@ -56,13 +42,13 @@ class Expected(Item):
         timeout (constant): the failure of an ego that does not arrive in time | expected pdm fails timeout
     """
 
-    driver: Id
-    case: Annotated[Name, Names("case")] | None = None
+    driver: v.Id
+    case: Annotated[v.Name, Names("case")] | None = None
     """The case of the scenario for which the result was recorded; None: for every case."""
     outcome: Literal["passes", "fails"]
     failure: FailureName | None = None
     """The kind of failure; None: any kind."""
-    actor: ActorName | None = None
+    actor: v.ActorName | None = None
 
 
 ParamType = Literal[
@@ -80,7 +66,7 @@ ParamType = Literal[
     "stage",
     "side",
 ]
-ParamValue = Quantity | Word
+ParamValue = v.Quantity | v.Word
 """The value of a parameter: a quantity, or a word that names a road (arm), a turn, a model, a junction, a stage or a
 side."""
 
@@ -95,7 +81,7 @@ class Tags(Item):
             scenarios | tags [scenario7, junction]
     """
 
-    names: tuple[Name, ...]
+    names: tuple[v.Name, ...]
 
 
 class UseNetwork(Item):
@@ -105,7 +91,7 @@ class UseNetwork(Item):
     pattern = "use network {path}"
     words = 'use (statement): the network, or models, of another file | use network "networks/town.foresee"'
 
-    path: FilePath
+    path: v.FilePath
 
 
 class UseModels(Item):
@@ -114,7 +100,7 @@ class UseModels(Item):
 
     pattern = "use models {path}"
 
-    path: FilePath
+    path: v.FilePath
 
 
 class UseTracks(Item):
@@ -127,8 +113,8 @@ class UseTracks(Item):
             | use tracks "cut_in.tracks.csv" pin sha256:0123456789ab
     """
 
-    path: FilePath
-    pin: Pin | None = None
+    path: v.FilePath
+    pin: v.Pin | None = None
 
 
 class Range(Phrase, kind=""):
@@ -140,9 +126,9 @@ class Range(Phrase, kind=""):
             | in 0 s..4 s step 0.1 s
     """
 
-    low: Quantity
-    high: Quantity
-    step: Quantity | None = None
+    low: v.Quantity
+    high: v.Quantity
+    step: v.Quantity | None = None
 
 
 class Uniform(Phrase):
@@ -162,8 +148,8 @@ class Normal(Phrase):
             | as normal(1.5 s, 0.4 s)
     """
 
-    mean: Quantity
-    deviation: Quantity
+    mean: v.Quantity
+    deviation: v.Quantity
 
 
 class Choice(Phrase):
@@ -172,7 +158,7 @@ class Choice(Phrase):
     pattern = "choice({weights:, })"
     words = "choice (link): each option is drawn with this frequency, relative to the others | as choice(3, 1)"
 
-    weights: tuple[Quantity, ...] = Field(min_length=1)
+    weights: tuple[v.Quantity, ...] = Field(min_length=1)
 
 
 class Grid(Phrase):
@@ -204,13 +190,18 @@ class Param(Item):
         side (type): the type of a parameter that holds left or right | param evades: side = left
     """
 
-    name: Annotated[Name, Names("parameter", defines=True)]
+    name: Annotated[v.Name, Names("parameter", defines=True)]
     type: ParamType
     default: ParamValue
     range: Range | None = None
     options: Annotated[tuple[ParamValue, ...], Field(min_length=1)] | None = None
     distribution: Distribution | None = None
     """Distribution from which `cases ... from seed` and `foresee sample` draw its values."""
+
+    @property
+    def dimension(self) -> Dimension | None:
+        """The dimension of its values; None if they are words."""
+        return dimension_of(self.type)
 
 
 class Require(Item):
@@ -228,11 +219,11 @@ class Cases(Item):
     pattern = "cases {count} from seed {seed}"
     words = "cases (statement): the number of cases whose values are drawn | cases 20 from seed 7"
 
-    count: Quantity
-    seed: Quantity
+    count: v.Quantity
+    seed: v.Quantity
 
 
-_Share = Annotated[Ratio, Bounds(0.0, 1.0)]
+_Share = Annotated[v.Ratio, Bounds(0.0, 1.0)]
 
 
 class Weather(Item):
@@ -276,10 +267,10 @@ class Slippery(Item):
             | slippery ice at (12 m, 4 m) radius 3 m friction 0.1
     """
 
-    name: Annotated[Name, Names("patch", defines=True)]
-    place: Place
-    radius: Annotated[Length, Bounds(0.1, 50.0)]  # ours: from the puddle of a bucket to a frozen square
-    friction: Annotated[Ratio, Bounds(0.02, 1.0)]  # ours: wet ice has 0.05; at 0 nothing could ever stop
+    name: Annotated[v.Name, Names("patch", defines=True)]
+    place: v.Place
+    radius: Annotated[v.Length, Bounds(0.1, 50.0)]  # ours: from the puddle of a bucket to a frozen square
+    friction: Annotated[v.Ratio, Bounds(0.02, 1.0)]  # ours: wet ice has 0.05; at 0 nothing could ever stop
 
 
 class Expect(Item):
@@ -295,10 +286,10 @@ class Expect(Item):
         eventually (condition): the condition holds in at least one frame | expect eventually within 60 s arrived(ego)
     """
 
-    name: Annotated[Name, Names("label", defines=True)] | None = None
+    name: Annotated[v.Name, Names("label", defines=True)] | None = None
     """The label that `extends`, mutants and messages use: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
-    within: Annotated[Time, Bounds(0.0)] | None = None
+    within: Annotated[v.Time, Bounds(0.0)] | None = None
     condition: Condition
 
 
@@ -318,7 +309,7 @@ class End(Item):
             | end after 10 s anywhere
     """
 
-    after: Annotated[Time, Bounds(0.05)]  # one step of the simulation
+    after: Annotated[v.Time, Bounds(0.05)]  # one step of the simulation
     where: Literal["anywhere"] | None = None
 
 
@@ -328,8 +319,8 @@ class Assignment(Item, kind=""):
 
     pattern = "{name} = {value}"
 
-    name: Annotated[Name, Names("parameter")]
-    value: ParamValue | Expression
+    name: Annotated[v.Name, Names("parameter")]
+    value: ParamValue | v.Expression
 
 
 class Case(Item):
@@ -337,13 +328,10 @@ class Case(Item):
 
     pattern = "case {name} [{ ...values }]"
     words = "case (statement): one test case: a value for each of some parameters | case r01 { gap = 1.2 s }"
+    one_line_without = ()
 
-    name: Annotated[Name, Names("case", defines=True)]
+    name: Annotated[v.Name, Names("case", defines=True)]
     values: tuple[Assignment, ...] = ()
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few values."""
-        return lines <= MOST_INLINE
 
 
 class SignalState(Item, kind="signal"):
@@ -361,9 +349,9 @@ class SignalState(Item, kind="signal"):
         elapsed (link): before the time since the stage began | signal j4 stage ns_go elapsed 11.35 s
     """
 
-    junction: JunctionId
-    stage: StageId
-    elapsed: Time
+    junction: v.JunctionId
+    stage: v.StageId
+    elapsed: v.Time
 
 
 _Statement = (
@@ -390,10 +378,8 @@ Statement = Annotated[_Statement, ONE_OF]
 
 ScenarioItem = Annotated[Doc | Tags | Expected | _Statement, ONE_OF]
 
-_T = TypeVar("_T", bound=Item)
 
-
-class Scenario(Item):
+class Scenario(Block):
     """`scenario red_light_runner { ... }`: a traffic situation; the body keeps the author's order."""
 
     pattern = "scenario {name} { ...body }"
@@ -402,16 +388,8 @@ class Scenario(Item):
             | scenario red_light_runner { ... }
     """
 
-    name: Name
+    name: v.Name
     body: tuple[ScenarioItem, ...]
-
-    def all(self, kind: type[_T]) -> tuple[_T, ...]:
-        """Return the items of one kind, in the author's order."""
-        return tuple(item for item in self.body if isinstance(item, kind))
-
-    def first(self, kind: type[_T]) -> _T | None:
-        """Return the first item of one kind, or None if there is none."""
-        return next(iter(self.all(kind)), None)
 
     @property  # not cached: `model_copy` would carry the old actors into a copy with another body
     def actors(self) -> tuple[Ego | Actor, ...]:

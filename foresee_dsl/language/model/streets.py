@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.item import MOST_INLINE, Bounds, Item, Names
+from foresee_dsl.language.model.item import Bounds, Item, Names
 
 _Lane = Annotated[v.Count, Bounds(1, 8)]
 _LaneWidth = Annotated[v.Length, Bounds(1.0, 10.0)]  # ours: the same bounds as for a road
@@ -52,6 +52,7 @@ class Roundabout(Item):
             | roundabout circle at (0 m, 0 m) { ... }
         radius (setting): the radius of the middle of a roundabout's carriageway, or of a slippery patch | radius 18 m
     """
+    one_line_without = ()
 
     name: Annotated[v.Name, Names("junction", defines=True)]
     at: v.Point
@@ -63,10 +64,6 @@ class Roundabout(Item):
     crossings: tuple[v.Name, ...] | None = None
     """The roads that have a crossing at the ring; an empty tuple means all roads, None means no roads."""
 
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few settings."""
-        return lines <= MOST_INLINE
-
 
 class OnRamp(Item):
     """`on_ramp up from side to a1 at 400 m { length 250 m }`: a lane from a junction into an edge. From there on, the
@@ -74,6 +71,7 @@ class OnRamp(Item):
 
     pattern = "on_ramp {name} from {junction} to {edge} at {at} [{ length; speed; lane_width; via }]"
     words = "on_ramp (statement): a lane that joins an edge on its right | on_ramp up from side to a1 at 400 m"
+    one_line_without = ("via",)
 
     name: Annotated[v.Name, Names("road", defines=True)]
     junction: Annotated[v.Name, Names("junction")]
@@ -83,10 +81,6 @@ class OnRamp(Item):
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
     lane_width: _LaneWidth | None = None
     via: tuple[v.Point, ...] = ()
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few settings and no list of points."""
-        return lines <= MOST_INLINE and not self.via
 
 
 class OffRamp(Item):
@@ -95,6 +89,7 @@ class OffRamp(Item):
 
     pattern = "off_ramp {name} from {edge} at {at} to {junction} [{ length; speed; lane_width; via }]"
     words = "off_ramp (statement): a lane that leaves an edge on its right | off_ramp down from a1 at 900 m to b"
+    one_line_without = ("via",)
 
     name: Annotated[v.Name, Names("road", defines=True)]
     edge: Annotated[v.Name, Names("road")]
@@ -104,10 +99,6 @@ class OffRamp(Item):
     speed: Annotated[v.Speed, Bounds(0.1)] | None = None
     lane_width: _LaneWidth | None = None
     via: tuple[v.Point, ...] = ()
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few settings and no list of points."""
-        return lines <= MOST_INLINE and not self.via
 
 
 class Zebra(Item):
@@ -123,16 +114,13 @@ class Zebra(Item):
             | zebra school on west at 40 m
         island (setting): a refuge of this width between the two directions of a zebra crossing | island 2 m
     """
+    one_line_without = ()
 
     name: Annotated[v.Name, Names("junction", defines=True)]
     road: Annotated[v.Name, Names("road")]
     at: Annotated[v.Length, Bounds(0.0)]
     width: Annotated[v.Length, Bounds(2.0, 20.0)] | None = None
     island: Annotated[v.Length, Bounds(1.0, 20.0)] | None = None  # ours: people need this width to stand
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few settings."""
-        return lines <= MOST_INLINE
 
 
 class Bump(Item):
@@ -144,16 +132,13 @@ class Bump(Item):
 
     pattern = "bump {name} on {road} at {at} [{ speed; length }]"
     words = "bump (statement): a speed bump: a short piece of a road with a low limit | bump hump on west at 60 m"
+    one_line_without = ()
 
     name: Annotated[v.Name, Names("junction", defines=True)]
     road: Annotated[v.Name, Names("road")]
     at: Annotated[v.Length, Bounds(0.0)]
     speed: Annotated[v.Speed, Bounds(0.5)] | None = None
     length: Annotated[v.Length, Bounds(1.0, 50.0)] | None = None
-
-    def fits_one_line(self, lines: int) -> bool:
-        """Return whether it fits on one line: it has few settings."""
-        return lines <= MOST_INLINE
 
 
 class LaneEnd(Item):

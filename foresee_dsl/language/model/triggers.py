@@ -4,23 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language.model import actions as a
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.actions import (
-    BrakesFor,
-    ChangesLine,
-    Door,
-    FollowsPath,
-    KeepsBeside,
-    KeepsGap,
-    Leaves,
-    LeavesTrack,
-    Limit,
-    MatchesSpeed,
-    Reverses,
-    StopsAt,
-    Synchronises,
-    TurnsTo,
-)
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 
@@ -131,22 +116,22 @@ Moves = (
     | Starts
     | ChangesSpeed
     | ChangesLane
-    | ChangesLine
-    | KeepsBeside
-    | KeepsGap
-    | FollowsPath
-    | Reverses
-    | MatchesSpeed
-    | Synchronises
-    | Leaves
+    | a.ChangesLine
+    | a.KeepsBeside
+    | a.KeepsGap
+    | a.FollowsPath
+    | a.Reverses
+    | a.MatchesSpeed
+    | a.Synchronises
+    | a.Leaves
     | Stops
-    | BrakesFor
-    | StopsAt
+    | a.BrakesFor
+    | a.StopsAt
 )
 """Actions that say how an actor moves."""
-WithoutActor = TurnsTo | Limit | Wait | Then
+WithoutActor = a.TurnsTo | a.Limit | Wait | Then
 """Actions without an actor."""
-Action = Annotated[Moves | LeavesTrack | Door | WithoutActor, ONE_OF]
+Action = Annotated[Moves | a.LeavesTrack | a.Door | WithoutActor, ONE_OF]
 
 Then.model_rebuild()
 

@@ -37,12 +37,8 @@ def parse_address(address: str) -> tuple[Path, str | None]:
     if not mark:
         file, case = address, ""
     if not file:
-        raise mistake(
-            "FS131",
-            f"'{address}' does not name a file",
-            "write " + write("file.foresee") + " or " + write("file.foresee::case"),
-            address,
-        )
+        help = "write " + write("file.foresee") + " or " + write("file.foresee::case")
+        raise mistake("FS131", f"'{address}' does not name a file", help, address)
     if mark and not re.fullmatch(NAME_PATTERN, case):
         message = f"'{case}' is not the name of a case"
         raise mistake("FS131", message, "write " + write("file.foresee::case"), file)

@@ -28,7 +28,7 @@ conventional bicycles were 9 km/h slower than S-pedelecs, which averaged 24 km/h
 
 def entries(catalogue: m.Catalogue) -> dict[str, m.VehicleModel]:
     """Return a catalogue's models by name."""
-    return {item.name: item for item in catalogue.body if isinstance(item, m.VehicleModel)}
+    return {item.name: item for item in catalogue.all(m.VehicleModel)}
 
 
 def cruise_speed_mps(model: m.VehicleModel) -> float | None:

@@ -16,7 +16,7 @@ from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.sampling import case_names, draw
-from foresee_dsl.language.traversal import PLAIN
+from foresee_dsl.language.traversal import PLAIN, changed_fields
 from foresee_dsl.language.units import UNITS
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
@@ -159,12 +159,9 @@ def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
         if isinstance(part, _WORKED_OUT):
             refs[name] = part
             return replace(item, name, part)
-        if isinstance(part, tuple):
-            parts = tuple(replaced(name, inner) for inner in part)
-            return parts if any(a is not b for a, b in zip(parts, part, strict=True)) else part
         return _walk(part, replace, refused) if isinstance(part, m.Item) else part
 
-    changed = {name: new for name, old in vars(item).items() if (new := replaced(name, old)) is not old}
+    changed = changed_fields(item, replaced)
     if not changed:
         return item
     try:

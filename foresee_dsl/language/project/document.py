@@ -107,14 +107,14 @@ class TestCase(Displayed):
     __test__ = False  # pytest would collect this class by its name
 
     id: str
-    scenario: m.Scenario
-    network: m.Network | Path
-    models: Mapping[str, m.VehicleModel]
+    scenario: m.Scenario = field(repr=False)
+    network: m.Network | Path = field(repr=False)
+    models: Mapping[str, m.VehicleModel] = field(repr=False)
     meaning: str
     source: Path
-    document: Document | None = None
-    clip: m.Clip | None = None
-    mutant: m.Mutant | None = None
+    document: Document | None = field(default=None, repr=False)
+    clip: m.Clip | None = field(default=None, repr=False)
+    mutant: m.Mutant | None = field(default=None, repr=False)
     tracks: Path | None = None
     goal: str = ""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
 from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
@@ -18,8 +17,6 @@ from foresee_dsl.language.project.catalogues import check_models
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.document import Comments, Document, TestCase
 from foresee_dsl.language.traversal import mentioned, parts
-
-_T = TypeVar("_T")
 
 
 def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
@@ -37,16 +34,16 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
     source = absolute(source)
     collector = Collector(document, name)
     ego, length = _essentials(clip, collector)
-    actors = tuple(item for item in clip.body if isinstance(item, m.Actor))
+    actors = clip.all(m.Actor)
     body: tuple[m.ScenarioItem, ...] = (
         *parent.scenario.all(m.Tags),
         *surroundings(parent, source.parent),
         *parent.scenario.all(m.Weather),
-        *(item for item in clip.body if isinstance(item, m.Slippery)),
-        _with_goal(ego, _first(clip, m.Goal)),
+        *clip.all(m.Slippery),
+        _with_goal(ego, clip.first(m.Goal)),
         *actors,
-        *(item for item in clip.body if isinstance(item, m.SignalState)),
-        *(item for item in clip.body if isinstance(item, m.When)),
+        *clip.all(m.SignalState),
+        *clip.all(m.When),
         *_expectations(parent.scenario, frozenset(actor.name for actor in actors)),
         m.End(after=length),
     )
@@ -132,7 +129,7 @@ def other_sensor_errors(clip: m.Clip, kind: str = "clip") -> tuple[str, ...]:
 
     The errors depend on the time: a clip has those of its seconds in the parent's run, a scenario those from 0 s on.
     """
-    window = _first(clip, m.Window)
+    window = clip.first(m.Window)
     if window is None or not clip.start_s:
         return ()
     start = value_text(window.start)
@@ -150,7 +147,7 @@ def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.Scenario
 
 def _essentials(clip: m.Clip, collector: Collector) -> tuple[m.Ego, m.Quantity]:
     """Return the ego and the window's length; raise an error about what is missing."""
-    ego, window = _first(clip, m.Ego), _first(clip, m.Window)
+    ego, window = clip.first(m.Ego), clip.first(m.Window)
     ego_usage = "ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }"
     for word, usage, item in (("ego", ego_usage, ego), ("window", "window 12.40 s..22.40 s", window)):
         if item is None:
@@ -159,10 +156,6 @@ def _essentials(clip: m.Clip, collector: Collector) -> tuple[m.Ego, m.Quantity]:
     collector.raise_if_any()
     assert ego is not None and length is not None  # noqa: S101  (`raise_if_any` raised if one is missing)
     return ego, length
-
-
-def _first(clip: m.Clip, kind: type[_T]) -> _T | None:
-    return next((item for item in clip.body if isinstance(item, kind)), None)
 
 
 def _window_length(window: m.Window, collector: Collector) -> m.Quantity | None:

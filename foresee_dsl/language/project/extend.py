@@ -19,7 +19,7 @@ from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.traversal import walk
+from foresee_dsl.language.traversal import changed_fields, walk
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 _SINGLE = ("ego", "network", "use_tracks", "weather", "end")
@@ -67,9 +67,9 @@ class _Joiner:
         self._base_spans = dict(parent.spans)
         self._alive: list[m.Item] = [extension]
         self._collector = Collector(document)
-        self._tags = tuple(item for item in extension.body if isinstance(item, m.Tags)) or scenario.all(m.Tags)
-        self._docs = tuple(item for item in extension.body if isinstance(item, m.Doc))
-        self._expected = tuple(item for item in extension.body if isinstance(item, m.Expected))
+        self._tags = extension.all(m.Tags) or scenario.all(m.Tags)
+        self._docs = extension.all(m.Doc)
+        self._expected = extension.all(m.Expected)
         self._body: tuple[m.ScenarioItem, ...] = tuple(
             self._moved(item, folder, parent_folder)
             for item in scenario.body
@@ -209,19 +209,14 @@ class _Joiner:
 
     def _plain(self, item: _ItemT) -> _ItemT:
         """Return an item in which words that are not parameters are plain names, wherever its class allows a name."""
-        fields = {name: getattr(item, name) for name in type(item).model_fields}
-        plain = {name: self._plain_part(value) for name, value in fields.items()}
-        new = _accepted(item, fields, {name: value for name, value in plain.items() if value is not fields[name]})
+        new = _accepted(item, changed_fields(item, self._plain_part))
         if new is not item:
             self._place(self._spans, new, item)
         return new
 
-    def _plain_part(self, part: object) -> object:
+    def _plain_part(self, _: str, part: object) -> object:
         if isinstance(part, m.Ref):
             return part if part.name in self._parameters else part.name
-        if isinstance(part, tuple):
-            parts = tuple(map(self._plain_part, part))
-            return parts if any(a is not b for a, b in zip(parts, part, strict=True)) else part
         return self._plain(part) if isinstance(part, m.Item) else part
 
     def _place(self, spans: dict[tuple[int, str], Span], new: m.Item, old: m.Item, *, whole: bool = False) -> None:
@@ -235,17 +230,17 @@ class _Joiner:
         spans |= {(id(new), f): span for f in fields if (span := spans.get((id(old), f))) is not None}
 
 
-def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object]) -> _ItemT:
+def _accepted(item: _ItemT, changed: dict[str, object]) -> _ItemT:
     """Return the item with the changes that its class allows: a word stays a reference if its field does not allow a
     name."""
     if not changed:
         return item
     try:
-        return type(item).model_validate(fields | changed)
+        return type(item).model_validate(vars(item) | changed)
     except ValidationError as error:
         refused = {str(detail["loc"][0]) for detail in error.errors() if detail["loc"]} & changed.keys()
         accepted = {name: value for name, value in changed.items() if name not in refused}
-        return _accepted(item, fields, accepted) if refused else item
+        return _accepted(item, accepted) if refused else item
 
 
 def _parameters(scenario: m.Scenario, extension: m.Extension) -> frozenset[str]:
@@ -318,22 +313,18 @@ def _settled_again(name: str, body: Sequence[m.ScenarioItem], moved: _Moved) -> 
 
 
 def _settled(item: _T, values: Mapping[str, m.ParamValue], moved: _Moved) -> _T:
-    new: dict[str, object] = {}
+    def settled_part(_: str, part: object) -> object:
+        return _settled(part, values, moved) if isinstance(part, m.Item) else part
+
     if isinstance(item, m.Calculated):
         from foresee_dsl.language.arithmetic.evaluate import evaluate
 
         result = evaluate(item.expression, values)
-        new = {"value": result.value, "unit": result.unit}
+        new: dict[str, object] = {"value": result.value, "unit": result.unit}
     else:
-        for field in type(item).model_fields:
-            value = getattr(item, field)
-            if isinstance(value, tuple):
-                new[field] = tuple(
-                    _settled(part, values, moved) if isinstance(part, m.Item) else part for part in value
-                )
-            elif isinstance(value, m.Item):
-                new[field] = _settled(value, values, moved)
-    settled = item.model_copy(update=new) if new else item
-    if settled is not item:
-        moved(item, settled)
+        new = changed_fields(item, settled_part)
+    if not new:
+        return item
+    settled = item.model_copy(update=new)
+    moved(item, settled)
     return settled

@@ -305,12 +305,10 @@ class Project:
             if parent.clip is None:
                 above.fail("FS132", f"'{model.parent}' holds a scenario, but a mutant changes a clip")
             return expand_mutant(model, parent, source=file.path, document=file.document)
-        message = f"this holds {_a(model)}"
-        if use is not None:
-            message = f"'{use.written}' cannot be a parent: {message}"
-            use.fail("FS132", message, "name a scenario, clip or mutant")
         help = "name a scenario, clip or mutant"
-        message += ", not a test case"
+        if use is not None:
+            use.fail("FS132", f"'{use.written}' cannot be a parent: this holds {_a(model)}", help)
+        message = f"this holds {_a(model)}, not a test case"
         raise InputError((file.document.diagnostic(model, "", "FS132", message, help),))
 
     def _seed(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
@@ -325,13 +323,8 @@ class Project:
         if case is None and names:
             message = f"'{file.document.path}' has {len(names)} cases, but this needs a single one"
             written = f"case {names[0]}" if use else f"{file.document.path}::{names[0]}"
-            _fail_case(
-                file,
-                use,
-                "FS103",
-                message,
-                "write " + write(written) + ", for example; " + did_you_mean("", names),
-            )
+            help = "write " + write(written) + ", for example; " + did_you_mean("", names)
+            _fail_case(file, use, "FS103", message, help)
         concrete = concretise(scenario, case, document=file.document)
         network = self._network(file, concrete, chain)
         models = self._models(file, concrete, chain)
@@ -353,9 +346,8 @@ class Project:
         parent = self._load(use.path, use.display_path, case, use, chain)
         now = pin_of(parent)
         if self._check_pin and now != pin:
-            message = (
-                f"the parent '{parent.id}' has the hash " + subject(now) + " now, but " + subject(pin) + " is pinned"
-            )
+            pinned = " now, but " + subject(pin) + " is pinned"
+            message = f"the parent '{parent.id}' has the hash " + subject(now) + pinned
             help = "the parent has changed: run `foresee repin` to see the effect on this file"
             use.fail("FS135", message, help, field="pin")
         return parent

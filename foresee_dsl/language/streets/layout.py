@@ -125,13 +125,11 @@ def rings_of(network: m.Network) -> Mapping[str, Ring]:
     """Return the roundabouts of a network, by name; a road with both ends at one roundabout is not an arm of it."""
     rings = {}
     ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction | m.Roundabout)}
-    for item in network.body:
-        if not isinstance(item, m.Roundabout):
-            continue
+    for item in network.all(m.Roundabout):
         x, y = centre = xy(item.at)
         arms = []
-        for road in network.body:
-            if isinstance(road, m.Road) and (road.start == item.name) != (road.end == item.name):
+        for road in network.all(m.Road):
+            if (road.start == item.name) != (road.end == item.name):
                 far = ends.get(road.end if road.start == item.name else road.start, centre)
                 inner = [xy(p) for p in road.via] or [far]
                 near = inner[0] if road.start == item.name else inner[-1]
@@ -152,12 +150,10 @@ def directed(network: m.Network, rings: Mapping[str, Ring] | None = None) -> tup
     """Return the edges of a network's roads in their order, each with its cuts, without roads between unknown
     junctions."""
     rings = rings_of(network) if rings is None else rings
-    ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction)}
+    ends = {item.name: xy(item.at) for item in network.all(m.Junction)}
     cuts: dict[str, list[Cut]] = {}
     edges: list[Directed] = []
-    for road in network.body:
-        if not isinstance(road, m.Road):
-            continue
+    for road in network.all(m.Road):
         joined = [_end(road, name, ends, rings) for name in (road.start, road.end)]
         if None in joined or road.start == road.end:
             continue

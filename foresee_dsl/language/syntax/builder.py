@@ -12,9 +12,9 @@ from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import closest, did_you_mean, unit_hint
-from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.node import Node
+from foresee_dsl.language.units import EXAMPLES, NOUNS
 
 _SHOWN = 40
 """Maximum number of characters of a value that a message repeats."""
@@ -97,12 +97,11 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> Diagnos
             least = limits.get("min_length", 1)
             what = {"points": "places", "edges": "edges"}.get(field, field)
             message = f"`{_what(node)}` needs at least {least} {what}"
-            error = Diagnostic.of(
-                "FS014", message, f"write {least} or more, with " + write(",") + " between them", span=place
-            )
+            help: HelpText = f"write {least} or more, with " + write(",") + " between them"
+            error = Diagnostic.of("FS014", message, help, span=place)
         case "string_too_long" | "string_too_short":
             most = limits.get("max_length")
-            help: HelpText = f"use at most {most} characters" if most else "write something between the quotes"
+            help = f"use at most {most} characters" if most else "write something between the quotes"
             error = Diagnostic.of("FS017", "this text is empty or too long", help, span=place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
             error = Diagnostic.of(
@@ -155,17 +154,11 @@ def _wrong_dimension(detail: ErrorDetails, text: str, place: Span) -> Diagnostic
 
 def _wrong_text(node: Node, field: str, text: str, place: Span) -> Diagnostic:
     if field == "pin":
-        return Diagnostic.of(
-            "FS019",
-            f"`{_short(text)}` is not a pin",
-            "a pin is "
-            + write("sha256:")
-            + " and twelve digits or letters a-f, such as "
-            + write("sha256:5ef2c6120a41"),
-            span=place,
-        )
+        help: HelpText = "a pin is " + write("sha256:") + " and twelve digits or letters a-f, such as "
+        help += write("sha256:5ef2c6120a41")
+        return Diagnostic.of("FS019", f"`{_short(text)}` is not a pin", help, span=place)
     if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
-        help: HelpText = "models are called class.variant, such as " + write("car.compact")
+        help = "models are called class.variant, such as " + write("car.compact")
         return Diagnostic.of("FS011", f"`{_short(text)}` is not the name of a model", help, span=place)
     if not text:
         return Diagnostic.of("FS017", f"this {field} is empty", "write something between the quotes", span=place)

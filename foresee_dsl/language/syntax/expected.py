@@ -12,10 +12,9 @@ from lark.exceptions import UnexpectedInput
 from lark.lexer import PatternStr
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
 from foresee_dsl.language.syntax.grammar import PLACES, parser
-from foresee_dsl.language.units import Dimension
+from foresee_dsl.language.units import EXAMPLES, NOUNS, Dimension
 
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
 REACH = 300
@@ -61,7 +60,7 @@ def _value(text: str, start: int, *, place: bool) -> str:
     if place:
         return "a place such as `20 m along ego.route`"
     before = _LAST_WORD.search(text, max(0, start - REACH), start)
-    dimension = _dimensions().get(before[1]) if before is not None else None
+    dimension = dimensions_behind().get(before[1], (None,))[0] if before is not None else None
     if before is not None and before[1] == "," and "(" in text:
         dimension = "length"
     return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`" if dimension else "a value such as `2.5 s`"
@@ -115,28 +114,16 @@ def homes() -> Mapping[str, tuple[str, ...]]:
 
 
 @cache
-def _dimensions() -> Mapping[str, Dimension]:
-    """Return, for each word, the dimension of the value that follows it in the patterns of statements. It is only for
-    messages: the model decides."""
-    dimensions: dict[str, Dimension] = {"(": "length"}
+def dimensions_behind() -> Mapping[str, tuple[Dimension, ...]]:
+    """Return, for each word, the dimensions of the values that may follow it in the patterns of statements, in the
+    order of the classes. It is only for messages: the model decides."""
+    dimensions: dict[str, dict[Dimension, None]] = {"(": {"length": None}}
     for kind in m.ITEMS:
         for word, field in words_before(read_pattern(kind.pattern)):
             dimension = form_of(kind, field).dimension
             if dimension is not None:
-                dimensions.setdefault(word, dimension)
-    return dimensions
-
-
-@cache
-def dimensions_behind() -> Mapping[str, frozenset[Dimension]]:
-    """Return, for each word, the dimensions of the values that may follow it in the patterns of statements."""
-    dimensions: dict[str, set[Dimension]] = {}
-    for kind in m.ITEMS:
-        for word, field in words_before(read_pattern(kind.pattern)):
-            dimension = form_of(kind, field).dimension
-            if dimension is not None:
-                dimensions.setdefault(word, set()).add(dimension)
-    return {word: frozenset(kinds) for word, kinds in dimensions.items()}
+                dimensions.setdefault(word, {})[dimension] = None
+    return {word: tuple(kinds) for word, kinds in dimensions.items()}
 
 
 def words_of_terminals(terminals: Iterable[str]) -> list[str]:

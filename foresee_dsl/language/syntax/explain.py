@@ -13,7 +13,6 @@ from foresee_dsl.helps import HelpText, Write, go_on, meant_code, meant_word, mo
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS, USAGE
 from foresee_dsl.language.messages.suggest import closest
-from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES
 from foresee_dsl.language.syntax.expected import (
     END,
     REACH,
@@ -31,7 +30,7 @@ from foresee_dsl.language.syntax.foreign import foreign
 from foresee_dsl.language.syntax.foreign_words import CODE, OF_ROADS, UNSUPPORTED
 from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, parser
 from foresee_dsl.language.syntax.phrases import phrase
-from foresee_dsl.language.units import UNITS
+from foresee_dsl.language.units import EXAMPLES, UNITS
 
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
 _UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
@@ -42,6 +41,7 @@ _SHOWN = 40
 _QUANTITY = re.compile(r"-?\d+(?:\.\d+)?\s*(?P<unit>[%°]|[^\W\d][\w^²/]*)")
 _SIGNS = ("+", "-", "*", "/")
 """The signs of calculations, which the lexer recognises at every place."""
+_ACTION_USAGE = "runner meets ego at j4 after 1.5 s"
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
 
 _ABOUT_HERE = (
@@ -157,11 +157,8 @@ class Refusal:
         if self._rule == "action" and self._is_word() and "starts" in words:
             return "FS004", f"unknown action '{excerpt}'", "write one of: " + one_of(sorted(words))
         if self._expected == END and (not usage or self.word == ","):
-            return (
-                "FS003",
-                f"unexpected `{excerpt}`: expected {END}",
-                "begin a new line, or write " + write(";") + " between them",
-            )
+            help = "begin a new line, or write " + write(";") + " between them"
+            return "FS003", f"unexpected `{excerpt}`: expected {END}", help
         meant = self._meant_here(words)
         if meant:
             usage = meant_code(meant)
@@ -355,7 +352,7 @@ class Refusal:
         usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else setting)
         if self._rule == "action" and word not in ("wait", "then"):
             verb = re.match(r"[^\W\d]\w*\s+([^\W\d]\w*)", self._text)
-            usual = _usage_of(verb[1]) if verb is not None else ACTION_USAGE
+            usual = _usage_of(verb[1]) if verb is not None else _ACTION_USAGE
         return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
 
@@ -372,7 +369,7 @@ def _usages() -> Mapping[str, str]:
 
 
 def _usage_of(verb: str) -> str:
-    return _usages().get(verb, ACTION_USAGE)
+    return _usages().get(verb, _ACTION_USAGE)
 
 
 def _either(words: Sequence[str]) -> str:

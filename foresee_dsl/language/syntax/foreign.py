@@ -10,10 +10,10 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from foresee_dsl.helps import HelpText, as_comment, as_trigger, meant_code, write
+from foresee_dsl.helps import as_comment, as_trigger, meant_code, write
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.syntax.foreign_signs import inside, sign
-from foresee_dsl.language.syntax.foreign_words import ACTORS, FIRST, OPENSCENARIO, SCENIC_CLASSES, TOP, Foreign
+from foresee_dsl.language.syntax.foreign_words import ACTORS, HELPS, OPENSCENARIO, OURS, SCENIC_CLASSES, TOP, Foreign
 from foresee_dsl.language.units import UNITS
 
 _PARAM = re.compile(
@@ -166,8 +166,7 @@ def _assigned(text: str) -> Foreign | None:
 
 
 def _first(text: str, rule: str, word: str) -> Foreign | None:
-    help: HelpText
-    ours, help = FIRST.get(word, ("", ""))
+    ours, help = OURS.get(word, ""), HELPS.get(word, "")
     message = f"`{word}` is a word of other languages"
     if word in OPENSCENARIO:
         message, help, ours = f"`{word}` is a word of OpenSCENARIO's files", OPENSCENARIO[word], ""
@@ -184,22 +183,18 @@ def _first(text: str, rule: str, word: str) -> Foreign | None:
 def _action(text: str, word: str) -> Foreign | None:
     if (match := _WAIT.match(text)) is not None and not text[match.end() :].strip()[:1].isdigit():
         message = f"`{match[0]}`: `wait` takes a time; to wait for a condition, write a block"
-        return Foreign(
-            0,
-            match.end(),
-            message,
-            "write `then when CONDITION { ... }`, such as " + write("then when ego.speed < 3 m/s { lead stops }"),
-        )
+        block = write("then when ego.speed < 3 m/s { lead stops }")
+        return Foreign(0, match.end(), message, "write `then when CONDITION { ... }`, such as " + block)
     if (match := _TURNS.match(text)) is not None:
         turns = f"{match['name']} turns to ns_go"
         which = "name the stage, and behind it a colour if needed: " + write(turns) + " or " + write(f"{turns} amber")
         message = "a signal shows several lights at once, so an action sets it to one of its stages"
         return Foreign(match.start("colour"), match.end("colour"), message, which)
-    ours, help = ("when", "") if word == "when" else FIRST.get(word, ("", ""))
-    if ours == "when":
+    if word == "when" or OURS.get(word) == "when":
         remark = f"`{word}` is a word of other languages"
         remark = "`when` begins a trigger, but this is already inside one" if word == "when" else remark
         return Foreign(0, len(word), remark, meant_code("then when"))
+    help = HELPS.get(word, "")
     if help and not re.match(r"\w+\s+(?:starts|stops|changes|meets|ignores)\b", text):
         return Foreign(0, len(word), f"`{word}` is a word of other languages", help)
     return _action_order(text) or _other_verb(text)
@@ -246,7 +241,7 @@ def block_of(word: str) -> str | None:
         return ""
     if word.lower() in ACTORS:
         return "actor_item"
-    return "action" if word in FIRST else None
+    return "action" if word in OURS or word in HELPS else None
 
 
 def without_comments(text: str) -> tuple[str, list[Foreign]]:

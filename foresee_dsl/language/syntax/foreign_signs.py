@@ -50,35 +50,6 @@ _MEASURED_BEFORE = re.compile(
 )
 
 
-_FUNCTIONS = frozenset(
-    [
-        "abs",
-        "sqrt",
-        "pow",
-        "floor",
-        "ceil",
-        "round",
-        "sin",
-        "cos",
-        "tan",
-        "avg",
-        "mean",
-        "sum",
-        "clamp",
-        "random",
-        "exp",
-        "log",
-        "minimum",
-        "maximum",
-        "uniform",
-        "Uniform",
-        "normal",
-        "Normal",
-        "Range",
-    ]
-)
-
-
 _DRAWN = frozenset(["random", "uniform", "Uniform", "normal", "Normal", "Range"])
 _OF_OURS = {
     ("abs", 1): "max({0}, -({0}))",
@@ -90,6 +61,11 @@ _OF_OURS = {
     ("maximum", 2): "max({0}, {1})",
 }
 """Functions of other languages with their number of values, and the calculation of this language that replaces each."""
+_FUNCTIONS = {
+    *("sqrt", "pow", "floor", "ceil", "round", "sin", "cos", "tan", "exp", "log"),
+    *(name for name, _ in _OF_OURS),
+    *_DRAWN,
+}
 
 
 def sign(text: str, at: int) -> Foreign | None:
@@ -118,13 +94,9 @@ def _share(text: str, at: int) -> Foreign | None:
         return None
     share = f"{Decimal(match['number']) / 100:f}"
     written = match[0].rstrip()
-    times = " *" if match["of"] else ""
-    return Foreign(
-        match.start(),
-        match.start() + len(written),
-        f"`{written}`: write a share as a plain number",
-        meant_code(f"{share}{times}"),
-    )
+    help = meant_code(f"{share} *" if match["of"] else share)
+    end = match.start() + len(written)
+    return Foreign(match.start(), end, f"`{written}`: write a share as a plain number", help)
 
 
 def inside(text: str, rule: str, at: int) -> Foreign | None:
@@ -189,12 +161,8 @@ def _function(text: str, at: int) -> Foreign | None:
         help = meant_code(ours.format(*arguments))
         return Foreign(called.start(), closed + 1, f"{message}: `{text[called.start() : closed + 1]}`", help)
     if called["name"] in _DRAWN:
-        help = (
-            "draw a parameter: "
-            + write("param gap: time = 1.5 s in 0 s..4 s as uniform")
-            + ", with "
-            + write("cases 20 from seed 7")
-        )
+        param = write("param gap: time = 1.5 s in 0 s..4 s as uniform")
+        help = "draw a parameter: " + param + ", with " + write("cases 20 from seed 7")
         return Foreign(called.start(), called.end(), message, help)
     help = write("min(a, b)") + " and " + write("max(a, b)") + " are the only functions"
     return Foreign(called.start(), called.end(), message, help)

@@ -23,99 +23,15 @@ class Foreign:
 
 
 TOP = ("scenario_item", "extension_item", "clip_item")
-FIRST: Mapping[str, tuple[str, HelpText]] = MappingProxyType(
+OURS: Mapping[str, str] = MappingProxyType(
     {
-        # first word: the word that replaces it ("" if none does), and the help if none does
-        "assert": ("expect always", ""),
-        "ensure": ("expect always", ""),
-        "guarantee": ("expect always", ""),
-        "if": ("when", ""),
-        "while": ("when", ""),
-        "whenever": ("when every", ""),
-        "upon": ("when", ""),
-        "on": ("when", ""),
-        "until": ("when", ""),
-        "keep": (
-            "",
-            write("require gap < 2 s")
-            + " restricts the values of parameters, `expect always ...` states what is to hold in the run",
-        ),
-        "constraint": (
-            "",
-            write("require gap < 2 s")
-            + " restricts the values of parameters, `expect always ...` states what is to hold in the run",
-        ),
-        "import": ("use network", ""),
-        "include": ("use network", ""),
-        "else": (
-            "",
-            as_opposite("there is no `else`")
-            + ": write a second trigger with a condition of its own (a "
-            + write("not")
-            + " holds from the beginning)",
-        ),
-        "elif": ("", as_opposite("there is no `elif`") + ": write a second trigger, `when ... { ... }`"),
-        "for": (
-            "",
-            "there are no loops: `when every ... { ... }` fires again, "
-            + write("cases 20 from seed 7")
-            + " draws cases",
-        ),
-        "foreach": ("", "there are no loops: " + write("cases 20 from seed 7") + " draws test cases"),
-        "repeat": ("", "there are no loops: a trigger `when every ... { ... }` fires again"),
-        "loop": ("", "there are no loops: a trigger `when every ... { ... }` fires again"),
-        "var": ("", "write a parameter with its type: " + write("param gap: time = 1.5 s")),
-        "let": ("", "write a parameter with its type: " + write("param gap: time = 1.5 s")),
-        "const": ("", "write a parameter with its type: " + write("param gap: time = 1.5 s")),
-        "def": (
-            "",
-            "there are no functions: write a value as " + write("param") + ", and actions in a " + write("when"),
-        ),
-        "function": (
-            "",
-            "there are no functions: write a value as " + write("param") + ", and actions in a " + write("when"),
-        ),
-        "print": ("", "the report shows the run; " + remove("leave this out")),
-        "return": ("", "a scenario returns nothing: " + remove("leave this out")),
-        "do": ("", "actions begin together; to run them one after the other write `then { ... }`"),
-        "serial": ("", "actions begin together; to run them one after the other write `then { ... }`"),
-        "parallel": ("", "actions of one block begin together: " + remove("leave this out")),
-        "one_of": ("", "a parameter with options and " + write("as choice(3, 1)") + " draws one of several"),
-        "behavior": ("", "write the actions of an actor in triggers: " + write("when time >= 0 s { lead stops }")),
-        "with": (
-            "",
-            "write each property on a line of the actor's block: "
-            + write("start speed 40 km/h")
-            + ", "
-            + write("delay 0.5 s"),
-        ),
-        "take": ("", "begin an action with its actor: " + write("lead stops")),
-        "terminate": (
-            "",
-            "a run ends after the time of " + write("end after 20 s") + ", or when the ego arrives or fails",
-        ),
-        "record": ("", "everything is recorded: " + remove("leave this out")),
-        "simulator": ("", "the simulator is SUMO: " + remove("leave this out")),
-        "cover": ("", "`foresee sample` shows what the cases reach: " + remove("leave this out")),
-        "emit": (
-            "",
-            "triggers do not receive events: "
-            + remove("leave this out")
-            + ", and write the condition, `when distance(ego, lead) < 20 m { ... }`",
-        ),
-        "try": ("", "write a trigger: " + write("when ego within 10 m of lead { lead stops }")),
-        "interrupt": ("", "write a trigger: " + write("when ego within 10 m of lead { lead stops }")),
-        "zebra": ("", "for people to cross, the junction needs " + write("crossings")),
-        "class": ("", "write sizes and abilities of models in a file `models NAME { ... }`"),
-        "yield": (
-            "",
-            "the network's rules decide which actor gives way; to change that for an actor, write "
-            + write("ignores priority")
-            + " or "
-            + write("meets"),
-        ),
+        **dict.fromkeys(("assert", "ensure", "guarantee"), "expect always"),
+        **dict.fromkeys(("if", "while", "upon", "on", "until"), "when"),
+        "whenever": "when every",
+        **dict.fromkeys(("import", "include"), "use network"),
     }
 )
+"""First words of statements in other languages, each with the words that replace it."""
 _A_TRIGGER = (
     "write events as a trigger: "
     + write("when time > 5 s { lead stops }")
@@ -123,6 +39,68 @@ _A_TRIGGER = (
 )
 _AN_ACTOR = "write an actor as a block: " + write("vehicle lead: car.compact { start at 20 m along ego.route }")
 _A_PARAMETER = "write a parameter with its type: " + write("param gap: time = 1.5 s")
+_A_LIMIT = (
+    write("require gap < 2 s")
+    + " restricts the values of parameters, `expect always ...` states what is to hold in the run"
+)
+_A_DRAW = write("cases 20 from seed 7")
+_LEFT_OUT = remove("leave this out")
+HELPS: Mapping[str, HelpText] = MappingProxyType(
+    {
+        **dict.fromkeys(("keep", "constraint"), _A_LIMIT),
+        "else": (
+            as_opposite("there is no `else`")
+            + ": write a second trigger with a condition of its own (a "
+            + write("not")
+            + " holds from the beginning)"
+        ),
+        "elif": as_opposite("there is no `elif`") + ": write a second trigger, `when ... { ... }`",
+        "for": "there are no loops: `when every ... { ... }` fires again, " + _A_DRAW + " draws cases",
+        "foreach": "there are no loops: " + _A_DRAW + " draws test cases",
+        **dict.fromkeys(("repeat", "loop"), "there are no loops: a trigger `when every ... { ... }` fires again"),
+        **dict.fromkeys(("var", "let", "const"), _A_PARAMETER),
+        **dict.fromkeys(
+            ("def", "function"),
+            "there are no functions: write a value as " + write("param") + ", and actions in a " + write("when"),
+        ),
+        "print": "the report shows the run; " + _LEFT_OUT,
+        "return": "a scenario returns nothing: " + _LEFT_OUT,
+        **dict.fromkeys(
+            ("do", "serial"), "actions begin together; to run them one after the other write `then { ... }`"
+        ),
+        "parallel": "actions of one block begin together: " + _LEFT_OUT,
+        "one_of": "a parameter with options and " + write("as choice(3, 1)") + " draws one of several",
+        "behavior": "write the actions of an actor in triggers: " + write("when time >= 0 s { lead stops }"),
+        "with": (
+            "write each property on a line of the actor's block: "
+            + write("start speed 40 km/h")
+            + ", "
+            + write("delay 0.5 s")
+        ),
+        "take": "begin an action with its actor: " + write("lead stops"),
+        "terminate": ("a run ends after the time of " + write("end after 20 s") + ", or when the ego arrives or fails"),
+        "record": "everything is recorded: " + _LEFT_OUT,
+        "simulator": "the simulator is SUMO: " + _LEFT_OUT,
+        "cover": "`foresee sample` shows what the cases reach: " + _LEFT_OUT,
+        "emit": (
+            "triggers do not receive events: "
+            + _LEFT_OUT
+            + ", and write the condition, `when distance(ego, lead) < 20 m { ... }`"
+        ),
+        **dict.fromkeys(
+            ("try", "interrupt"), "write a trigger: " + write("when ego within 10 m of lead { lead stops }")
+        ),
+        "zebra": "for people to cross, the junction needs " + write("crossings"),
+        "class": "write sizes and abilities of models in a file `models NAME { ... }`",
+        "yield": (
+            "the network's rules decide which actor gives way; to change that for an actor, write "
+            + write("ignores priority")
+            + " or "
+            + write("meets")
+        ),
+    }
+)
+"""First words of statements in other languages that no word replaces, each with a help."""
 OPENSCENARIO: Mapping[str, Help] = MappingProxyType(
     {
         **dict.fromkeys(

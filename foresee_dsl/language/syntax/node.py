@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Span
@@ -30,3 +31,11 @@ class Node:
     places: dict[str, Span] = field(default_factory=dict)
     lines: list[tuple[Key, Span, Node | None]] = field(default_factory=list)
     block: Span | None = None
+
+    @property
+    def parts(self) -> Iterator[Node]:
+        """The nodes that are direct parts of it, in the order of its fields."""
+        for value in self.fields.values():
+            for part in value if isinstance(value, tuple) else (value,):
+                if isinstance(part, Node):
+                    yield part

@@ -15,10 +15,9 @@ from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import HelpText, meant_code, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model.pattern import FieldForm, Form, Slot, form_of, read_pattern
 from foresee_dsl.language.syntax.node import Node
-from foresee_dsl.language.units import UNITS
+from foresee_dsl.language.units import UNITS, dimension_of
 
 _Tree = Tree[Token]
 _Child = _Tree | Token | None
@@ -366,7 +365,7 @@ class NodeMaker:
 
     def _param(self, tree: _Tree) -> Node:
         name, type_, written, values, distribution = tree.children
-        numbers = str(type_) in NOUNS
+        numbers = dimension_of(str(type_)) is not None
         default = self._word_or_ref(written, numbers=numbers)
         if isinstance(values, Tree) and values.data == "list":
             options = [self._word_or_ref(child, numbers=numbers) for child in values.children if child is not None]

@@ -210,12 +210,8 @@ class _Reader:
         label = _LABEL.match(head)
         if label is not None and label[1] in m.TAKEN:
             place = self.lines.span(raw.start + label.start(1), raw.start + label.end(1))
-            return Diagnostic.of(
-                "FS049",
-                f"'{label[1]}' is a word of the language",
-                rename("give it another label", everywhere=True),
-                span=place,
-            )
+            help = rename("give it another label", everywhere=True)
+            return Diagnostic.of("FS049", f"'{label[1]}' is a word of the language", help, span=place)
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)

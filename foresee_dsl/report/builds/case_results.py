@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
@@ -18,7 +17,7 @@ from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.report.verdicts import changed_lines, rule_lines
-from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import EXPECTATION, RunRecord, Verdict
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
@@ -93,27 +92,6 @@ def outcome_of(verdict: Verdict) -> BuildOutcome:
     return BuildOutcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else BuildOutcome.FAILED
 
 
-def _of(
-    address: str,
-    name: str,
-    verdict: Verdict,
-    reason: str,
-    place: ReportPlace,
-    broken: Sequence[str] = (),
-    **more: Any,  # noqa: ANN401
-) -> CaseResult:
-    """Return the result of a run of a test case or child.
-
-    `broken`: a sentence for each broken expectation. Such expectations fail a run whose verdict is `pass`, and its
-    `reason` states them.
-    """
-    suite, reason = address.partition("::")[0], reason or verdict.label
-    if verdict is Verdict.PASS and broken:
-        return CaseResult(suite, name, BuildOutcome.FAILED, EXPECTATION, reason, place, **more)
-    more["details"] = (*broken, *more.get("details", ()))
-    return CaseResult(suite, name, outcome_of(verdict), verdict.value, reason, place, **more)
-
-
 def _name_in(address: str) -> str:
     """Return the name of a test case in the suite of its file."""
     suite, _, name = address.partition("::")
@@ -122,40 +100,37 @@ def _name_in(address: str) -> str:
 
 def of_record(
     run: RunRecord, address: str, driver: str, seed: int, *, suite: str = "", name: str = "", text: str | None = None,
-    **more: Any,  # noqa: ANN401
+    details: tuple[str, ...] = (), **more: Any,  # noqa: ANN401
 ) -> CaseResult:  # fmt: skip
-    """Return the result of a recorded run of a file.
+    """Return the result of a run of a test case or child.
+
+    Broken expectations fail a run whose verdict is `pass`, and its reason states them.
 
     `suite`, `name`: by default the file and the name of its case. `text`: the file's content; None to read the file.
     """
-    return _of(
-        suite or address, name or _name_in(address), run.verdict, run.reason, place_of(address, text),
-        run.broken_expectations, reproduce=reproduce(address, driver, seed), time_s=run.duration_s, **more,
-    )  # fmt: skip
-
-
-def of_run(address: str, driver: str, seed: int, result: RunResult, attachments: Sequence[str] = ()) -> CaseResult:
-    """Return the result of one run."""
-    return _of(
-        address, _name_in(address), result.verdict, result.reason, place_of(address), result.broken_expectations,
-        details=rule_lines(result.infractions), reproduce=reproduce(address, driver, seed),
-        attachments=tuple(attachments), time_s=result.duration_s,
+    outcome, rule = outcome_of(run.verdict), run.verdict.value
+    if run.verdict is Verdict.PASS and run.broken_expectations:
+        outcome, rule = BuildOutcome.FAILED, EXPECTATION
+    else:
+        details = (*run.broken_expectations, *details)
+    return CaseResult(
+        (suite or address).partition("::")[0], name or _name_in(address), outcome, rule,
+        run.reason or run.verdict.label, place_of(address, text), details, reproduce(address, driver, seed),
+        time_s=run.duration_s, **more,
     )  # fmt: skip
 
 
 def of_case_run(run: CaseRun, driver: str, seed: int, trace: Path | None = None) -> CaseResult:
     """Return the result of a run in its own process, which may have died, with the driver's output and traceback."""
-    address, noted = run.case.id, _notes(run.notes)
-    if run.result is not None:
-        case_result = of_run(address, driver, seed, run.result, (str(trace),) if trace else ())
-        return replace(case_result, details=(*case_result.details, *noted))
-    return _of(address, _name_in(address), run.verdict, run.reason, place_of(address), details=noted,
-               reproduce=reproduce(address, driver, seed))  # fmt: skip
+    attachments = (str(trace),) if trace and run.result is not None else ()
+    return of_record(run, run.case.id, driver, seed, details=_noted(run), attachments=attachments)
 
 
-def _notes(notes: DriverNotes) -> tuple[str, ...]:
+def _noted(run: RunRecord) -> tuple[str, ...]:
+    """Return lines with the broken rules, and with what the driver raised, changed and printed."""
+    notes = run.notes
     printed = ("the driver printed:", *notes.output.rstrip().splitlines()) if notes.output.strip() else ()
-    return (*notes.traceback.splitlines(), *changed_lines([notes]), *printed)
+    return (*rule_lines(run.infractions), *notes.traceback.splitlines(), *changed_lines([notes]), *printed)
 
 
 def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...]:
@@ -169,7 +144,7 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
             run.driver,
             seed,
             name=_name_in(run.case) + (f" [{run.driver}]" if several else ""),
-            details=(*rule_lines(run.infractions), *_notes(run.notes)),
+            details=_noted(run),
         )
         for run in listed
     )
@@ -182,10 +157,10 @@ def of_conformance(conformance: Conformance) -> tuple[CaseResult, ...]:
     """
     from foresee_dsl.campaign.conformance.records import CheckStatus
     from foresee_dsl.campaign.conformance.suite import conformance_cases
+    from foresee_dsl.drivers.registry import files_in
 
     driver, seed, addresses = conformance.driver, conformance.seed, conformance_cases()
-    words = re.split(r"[\s:]+", driver)
-    place = ReportPlace(next((word for word in words if Path(word).is_file()), ""))
+    place = ReportPlace(next(map(str, files_in(driver)), ""))
     again = shlex.join(("foresee", "conform", driver, *(("--seed", str(seed)) if seed else ())))
     checks = (
         CaseResult(
@@ -210,7 +185,7 @@ def of_conformance(conformance: Conformance) -> tuple[CaseResult, ...]:
                 seed,
                 suite="conform/cases",
                 name=case.name,
-                details=(case.about, *rule_lines(case.run.infractions), *_notes(case.run.notes)),
+                details=(case.about, *_noted(case.run)),
             ),
             place=place,
         )

@@ -15,8 +15,9 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
-from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_run
-from foresee_dsl.simulate.results.verdict import RunRecord, RunResult
+from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_record
+from foresee_dsl.report.verdicts import rule_lines
+from foresee_dsl.simulate.results.verdict import RunRecord
 from foresee_dsl.story import tell
 
 Sections = tuple[tuple[str, str], ...]
@@ -83,7 +84,9 @@ def drive(test: SuiteTest, options: DriveOptions) -> tuple[CaseResult, Sections]
     driver = options.driver or test.driver
     seed = options.seed or test.seed
     result = run_test_case(case, driver, seed)
-    case_result = _judged(test, of_run(case.id, driver, seed, result), result, driver)
+    run, version = RunRecord.of(result), str(result.trace.meta.get("driver_version", ""))
+    case_result = of_record(run, case.id, driver, seed, details=rule_lines(run.infractions))
+    case_result = _judged(test, case_result, run, driver, version)
     failed = case_result.outcome is not BuildOutcome.PASSED
     story = tell(result.trace, case) if failed else None
     sections: list[tuple[str, str]] = []
@@ -115,15 +118,14 @@ def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
         return load_test_case(test.address, allow_outside=allow_outside, check_pin=False), note
 
 
-def _judged(test: SuiteTest, case_result: CaseResult, result: RunResult, driver: str) -> CaseResult:
+def _judged(test: SuiteTest, case_result: CaseResult, run: RunRecord, driver: str, version: str) -> CaseResult:
     """Return the result as `foresee verify` counts it, if `verify` would run the test; otherwise return it
     unchanged.
     """
-    version = str(result.trace.meta.get("driver_version", ""))
     expected = expected_in(test.stated, test.case, names_of(driver, version), test.origin)
     if expected is None and not test.verified:
         return case_result
-    status = judge(expected, RunRecord.of(result))
+    status = judge(expected, run)
     if status is Status.AS_EXPECTED:
         return replace(case_result, outcome=BuildOutcome.PASSED, rule=status.value, details=())
     was = f"{driver} {in_words(expected)}" if expected is not None else f"the file records no result of {driver}"

@@ -15,12 +15,10 @@ import shapely
 from numpy.typing import NDArray
 from rich.text import Text
 
-from foresee_dsl.report.drawing.ground import FloatArray
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.shapes import Shape
 from foresee_dsl.report.drawing.sheet import DrawnPart
-
-BoolArray = NDArray[np.bool_]
 
 _BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bits of the dots of a braille character, by row and column (Unicode 2800 and following)."""

@@ -10,18 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import SlipperyPatch
 from foresee_dsl.compile.roads.network import CLOSE_GAPS_M, RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language.streets.lines import shift_right
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 """Left, bottom, right and top, m."""
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from foresee_dsl.report.drawing.ground import LINES, FloatArray, Ground, Layer, lines_of, rings_of, zebra
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.report.drawing.ground import LINES, Ground, Layer, lines_of, rings_of, zebra
 
 LINE_M, STOP_LINE_M = 0.15, 0.3
 """Width of lines on the ground, and of stop lines, m. Ours: German ones are 0.12 m and 0.5 m wide (guideline RMS); a

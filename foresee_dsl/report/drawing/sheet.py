@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from foresee_dsl.report.drawing.ground import Bounds, FloatArray
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.report.drawing.ground import Bounds
 from foresee_dsl.report.drawing.labels import LINE, width_of
 from foresee_dsl.report.drawing.shapes import Shape
 

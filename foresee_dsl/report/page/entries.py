@@ -15,7 +15,6 @@ from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.documents import or_null
 from foresee_dsl.report.page.runs import Run
-from foresee_dsl.report.terminal.raw_numbers import FAMILY_TITLES
 
 _NO_ANCHOR = re.compile(r"[^\w.-]+", re.ASCII)
 _LONGEST_ANCHOR = 120
@@ -147,11 +146,6 @@ class FindingEntry:
     def mutated(self) -> bool:
         """Return whether the runs are those of mutants, not of an unmutated test case."""
         return bool(self.runs[0].outcome.operators) or self.runs[0].outcome.parent_trace is not None
-
-
-def family_title(family: str) -> str:
-    """Return the number and the title of a scenario family."""
-    return f"{family} {FAMILY_TITLES.get(family, '')}".strip() or "(no family)"
 
 
 def options_of(findings: Iterable[FindingEntry], key: Callable[[FindingEntry], str]) -> tuple[str, ...]:

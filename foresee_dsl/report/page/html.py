@@ -15,13 +15,14 @@ from foresee_dsl.report.drawing.ground import Layer
 from foresee_dsl.report.drawing.palette import custom_properties
 from foresee_dsl.report.drawing.shapes import LIMITS
 from foresee_dsl.report.page.contents import Contents, contents_of
-from foresee_dsl.report.page.entries import family_title, options_of
+from foresee_dsl.report.page.entries import options_of
 from foresee_dsl.report.page.pictures import PAINTS as MAP_PAINTS
 from foresee_dsl.report.page.pictures import heat_map_svg
 from foresee_dsl.report.page.playback import MEASURES
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.show.panels import Role
+from foresee_dsl.report.terminal.raw_numbers import family_title
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -15,8 +15,9 @@ import numpy as np
 
 from foresee_dsl.campaign.findings.sureness import HeatMap
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
-from foresee_dsl.report.drawing.ground import FloatArray, Layer, ground_of, rings_of, within
+from foresee_dsl.report.drawing.ground import Layer, ground_of, rings_of, within
 from foresee_dsl.report.drawing.labels import width_of
 from foresee_dsl.report.drawing.shapes import Shape
 from foresee_dsl.report.drawing.sheet import DrawnPart, Sheet, Sizes, Words, rectangle

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import Signal, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
 from foresee_dsl.report.drawing.ground import with_patches
 from foresee_dsl.report.drawing.shapes import CM, Shape, as_data, body_shapes, ground_shapes, line
@@ -48,9 +49,6 @@ MEASURES = (
     (PET, "time between both at a spot", "s", 2),
 )
 """The curves of criticality that a page offers: name, words, unit, decimals."""
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

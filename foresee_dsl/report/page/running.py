@@ -43,7 +43,7 @@ class RunningPage(Figures):
         """
         super().__init__(clock, settings)
         self._file, self._settings, self._now = file, settings, now
-        self._failed: deque[Row] = deque(maxlen=MOST_LISTED)
+        self._listed: deque[Row] = deque(maxlen=MOST_LISTED)
         self._written_s = -EVERY_S
 
     def planned(self, kind: str, count: int) -> None:
@@ -55,7 +55,7 @@ class RunningPage(Figures):
         """Count a finished run, and list it if it failed."""
         super().done(row, new=new)
         if row.kind in ("seed", "child") and row.verdict in _FAILING:
-            self._failed.appendleft(row)
+            self._listed.appendleft(row)
         self._write()
 
     def text(self) -> str:
@@ -75,7 +75,7 @@ class RunningPage(Figures):
                 ahead=self.ahead(),
                 rows=[(TITLES[kind], self.finished[kind], self.total[kind]) for kind in kinds],
                 failures=self.failures,
-                failed=list(self._failed),
+                failed=list(self._listed),
                 now=self._now(),
             )
         )

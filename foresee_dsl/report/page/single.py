@@ -8,7 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
-from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
+from foresee_dsl.campaign.driving import case_name, recorded_setup, run_test_case
 from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
@@ -114,7 +114,7 @@ def _recorded_driver(case: TestCase) -> str:
     Raises:
         DriverError: the file records a program, which is not started only to view the file.
     """
-    driver = recorded_run(case.mutant.origin if case.mutant is not None else None)[0]
+    driver = recorded_setup(case).driver
     if ":" in driver:
         raise DriverError(f"{case.id} records a program as its driver ({driver}): `--driver '{driver}'` starts it")
     return driver

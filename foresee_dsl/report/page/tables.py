@@ -12,9 +12,12 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.findings.written import WrittenCampaign
 from foresee_dsl.campaign.records import CaseRunOutcome
-from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, family_title
+from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
+from foresee_dsl.report.terminal.raw_numbers import family_title
+from foresee_dsl.report.terminal.tables import duration
+from foresee_dsl.report.verdicts import ending
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 MOST_NEAR = 10
 """Maximum number of near misses in the overview. Ours: as many as fit on a screen."""
@@ -77,7 +80,7 @@ def overview(sources: Sequence[ReportedCampaign], findings: Sequence[FindingEntr
 
 def ended(case: CaseRunOutcome) -> str:
     """Return a test case's verdict, or `expectation` if it passed but broke expectations."""
-    return EXPECTATION if case.verdict is Verdict.PASS and case.broken_expectations else case.verdict.value
+    return ending(case).plain
 
 
 def _nearest(sources: Sequence[ReportedCampaign]) -> Table:
@@ -220,6 +223,4 @@ def _case_row(case: CaseRunOutcome) -> tuple[str, ...]:
 
 
 def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d} h" if hours else f"{minutes}:{rest:02d} min"
+    return f"{duration(seconds)} {'h' if round(seconds) >= 3600 else 'min'}"

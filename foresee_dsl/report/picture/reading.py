@@ -17,6 +17,7 @@ from foresee_dsl.compile.roads.polyline import distance
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.errors import InputError
 from foresee_dsl.helps import Help
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project import addresses as a
@@ -28,7 +29,6 @@ from foresee_dsl.report.drawing.sheet import TextPlace
 from foresee_dsl.report.picture.subject import (
     TONES,
     Body,
-    FloatArray,
     Head,
     Mistake,
     Name,

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.report.drawing.ground import ground_of, lines_of, within
 from foresee_dsl.report.drawing.labels import LINE, LabelBox, Room, width_of, wrapped
 from foresee_dsl.report.drawing.shapes import DISC_PX, Shape, arrow, body_shapes, disc, ghost_shape, ground_shapes
@@ -26,7 +27,7 @@ from foresee_dsl.report.drawing.sheet import (
     legend,
     scale_and_north,
 )
-from foresee_dsl.report.picture.subject import Body, FloatArray, Name, Patch, SceneSubject, ShownWay, Zone
+from foresee_dsl.report.picture.subject import Body, Name, Patch, SceneSubject, ShownWay, Zone
 from foresee_dsl.report.safe_text import shortened
 
 MARGIN_M, MARGIN_SHARE = 12.0, 0.06

@@ -7,8 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from foresee_dsl.kernels.arrays import FloatArray
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from foresee_dsl.drivers.protocol import SignalColour
     from foresee_dsl.report.drawing.sheet import TextPlace
 
-FloatArray = NDArray[np.float64]
 
 Tone = Literal["ego", "a0", "a1", "a2", "a3", "a4", "a5", "thing", "traffic"]
 """The colours of bodies: one for the ego, six that other actors get in turn, one for standing things, and one for

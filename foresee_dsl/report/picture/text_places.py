@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from foresee_dsl.errors import InputError
@@ -24,13 +25,13 @@ class TextPlaces:
 
     def actor(self, name: str) -> TextPlace | None:
         """Return the place of an actor; in a mutant, the place of the actor's first `change`, if there is one."""
-        for document in self._documents:
-            for item in document.model.body:
-                named = isinstance(item, m.Ego | m.Actor) and item.name == name
-                drawn = isinstance(item, m.Traffic) and name.rpartition("_")[0] == item.name
-                if named or drawn or (isinstance(item, m.Change) and item.actor == name):
-                    return place_of(document, item)
-        return None
+
+        def is_about(item: m.Item) -> bool:
+            named = isinstance(item, m.Ego | m.Actor) and item.name == name
+            drawn = isinstance(item, m.Traffic) and name.rpartition("_")[0] == item.name
+            return named or drawn or (isinstance(item, m.Change) and item.actor == name)
+
+        return self._first(is_about)
 
     def trigger(self, kind: type[m.When | m.Expect], number: int) -> TextPlace | None:
         """Return the place of a trigger or expectation by its index; None if the files have fewer."""
@@ -42,11 +43,12 @@ class TextPlaces:
 
     def patch(self, name: str) -> TextPlace | None:
         """Return the place of a slippery patch."""
-        for document in self._documents:
-            for item in document.model.body:
-                if isinstance(item, m.Slippery) and item.name == name:
-                    return place_of(document, item)
-        return None
+        return self._first(lambda item: isinstance(item, m.Slippery) and item.name == name)
+
+    def _first(self, chosen: Callable[[m.Item], bool]) -> TextPlace | None:
+        """Return the place of the first item that is chosen."""
+        items = ((document, item) for document in self._documents for item in document.model.body if chosen(item))
+        return next((place_of(document, item) for document, item in items), None)
 
     def network_item(self, name: str) -> TextPlace | None:
         """Return the place of a junction or a road."""

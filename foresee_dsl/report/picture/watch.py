@@ -17,8 +17,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.report.drawing.svg import svg_of
-from foresee_dsl.report.picture.answer import answer, page_of
-from foresee_dsl.report.picture.draw import draw
+from foresee_dsl.report.picture.draw import answer, draw, page_of
 
 LOCAL = "127.0.0.1"
 """Only this machine may connect, because the page shows the contents of its files."""

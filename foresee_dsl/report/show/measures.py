@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.near_misses import times_to_collision
@@ -18,10 +18,6 @@ from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import Air
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story.facts import Facts
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-
 
 SIGNAL_SHOWN_M = 60.0
 """A signal farther ahead than this is not shown, m. Ours: at 50 km/h a driver begins to brake at this distance."""

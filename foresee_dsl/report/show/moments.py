@@ -7,8 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
-from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
+from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 VISIBLY_BRAKES_MPS2 = 2.0

@@ -12,9 +12,10 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import corners
 from foresee_dsl.kernels.constants import STANDS_MPS
-from foresee_dsl.report.drawing.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
+from foresee_dsl.report.drawing.ground import Bounds, Ground, Layer, ground_of, with_patches, within
 from foresee_dsl.report.drawing.shapes import body_shapes, ghost_shape, ground_shapes
 from foresee_dsl.report.drawing.sheet import DrawnPart
 from foresee_dsl.report.safe_text import shortened
@@ -64,21 +65,12 @@ class Footprint:
     Attributes:
         actor: the actor's id. kind: the model's class.
         corners: [4, 2] m in the panel: front left, rear left, rear right and front right.
-        heading_rad: heading, counter-clockwise from the panel's right. speed_mps: speed at the moment.
     """
 
     role: Role
     actor: str
     kind: str
     corners: FloatArray
-    heading_rad: float
-    speed_mps: float
-
-    @property
-    def middle(self) -> FloatArray:
-        """Return the middle of the footprint, [2] m in the panel."""
-        middle: FloatArray = self.corners.mean(axis=0)
-        return middle
 
 
 @dataclass(frozen=True)
@@ -312,12 +304,10 @@ def role_of(trace: Trace, actor: int, opponent: str) -> Role:
 
 def _footprint(trace: Trace, actor: int, frame: int, window: PanelWindow, role: Role) -> Footprint | None:
     """Return an actor's footprint in a window; None if the actor is absent or outside the window."""
-    row = trace.states[frame, actor]
-    if np.isnan(row[X]):
+    if np.isnan(trace.states[frame, actor, X]):
         return None
     info = trace.actors[actor]
     outline = window.points(corners(trace.boxes(actor)[frame]))
     if np.abs(outline).min(axis=0).max() > window.side_m / 2:
         return None
-    turned = float(row[HEADING]) + window.turn_rad
-    return Footprint(role, info.id, info.kind, outline, turned, float(row[SPEED]))
+    return Footprint(role, info.id, info.kind, outline)

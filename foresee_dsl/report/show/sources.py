@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case, sensors_of
+from foresee_dsl.campaign.driving import case_name, recorded_setup, run_test_case, sensors_of
 from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
@@ -98,7 +98,8 @@ def find(target: str, request: RunRequest) -> ShownRun:
 def of_address(address: str, request: RunRequest) -> ShownRun:
     """Return the run of a test case, a clip or a mutant: the stored run if it is up to date, else a new one."""
     case = load_test_case(address, allow_outside=request.allow_outside)
-    driver, seed = _driver_and_seed(case, request)
+    recorded = recorded_setup(case)
+    driver, seed = request.driver or recorded.driver, recorded.seed if request.seed is None else request.seed
     if not request.fresh:
         for file in _stored(case, request):
             trace = _same(file, case, driver, seed)
@@ -200,11 +201,6 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
 
     version = load_driver(driver).version if may_start(driver) else ""
     return meta.get("tool") == __version__ and version in ("", meta.get("driver_version"))
-
-
-def _driver_and_seed(case: TestCase, request: RunRequest) -> tuple[str, int]:
-    recorded, seed = recorded_run(case.mutant.origin if case.mutant is not None else None)
-    return request.driver or recorded, seed if request.seed is None else request.seed
 
 
 def _file_of_finding(name: str, request: RunRequest) -> str:

@@ -9,20 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from rich.text import Text
 
-from foresee_dsl.campaign.driving import sensors_of
+from foresee_dsl.campaign.driving import TimedDriver, sensors_of
 from foresee_dsl.drivers.protocol import (
-    Closing,
     Control,
     Driver,
     EgoState,
     Explaining,
-    Mission,
     Observation,
     Reason,
     SeenActor,
     SignalColour,
     Trajectory,
-    VehicleLimits,
 )
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.report.safe_text import safe, shortened
@@ -52,24 +49,19 @@ class ShownStep:
     reasons: tuple[Reason, ...]
 
 
-class RecordingDriver:
+class RecordingDriver(TimedDriver):
     """A driver that answers as another driver does, and records that driver's steps."""
 
     def __init__(self, driver: Driver, from_s: float, to_s: float, every_s: float) -> None:
         """Prepare to record one step in every `every_s`, from `from_s` to `to_s`, s."""
-        self.name, self.version = driver.name, driver.version
+        super().__init__(driver)
         self.steps: list[ShownStep] = []
-        self._driver, self._from_s, self._to_s = driver, from_s, to_s
+        self._from_s, self._to_s = from_s, to_s
         self._every = max(round(every_s / STEP_S), 1)
-
-    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Reset the driver."""
-        self._driver.reset(mission, vehicle, seed)
-        self.version = self._driver.version  # some drivers know their version only after a reset
 
     def step(self, observation: Observation) -> Control | Trajectory:
         """Return the driver's answer, and record it with the observation."""
-        answer = self._driver.step(observation)
+        answer = super().step(observation)
         now_s = observation.time_s
         if self._from_s - 1e-6 <= now_s <= self._to_s + 1e-6 and round(now_s / STEP_S) % self._every == 0:
             reasons = tuple(self._driver.explain()) if isinstance(self._driver, Explaining) else ()
@@ -77,11 +69,6 @@ class RecordingDriver:
             seen = observation.actors, dict(observation.signals)
             self.steps.append(ShownStep(now_s, measured_s, observation.ego, *seen, answer, reasons))
         return answer
-
-    def close(self) -> None:
-        """Close the driver if it can be closed."""
-        if isinstance(self._driver, Closing):
-            self._driver.close()
 
 
 def recorded_steps(

@@ -57,13 +57,13 @@ def way_of(environment: Mapping[str, str]) -> Pictures:
     return Pictures.AUTO
 
 
-def detect(environment: Mapping[str, str] | None = None) -> Pictures:
+def detect() -> Pictures:
     """Return the protocol of the standard output, from the environment or by querying the terminal; `NONE` if it has
     none.
     """
     if not (sys.stdout.isatty() and sys.stdin.isatty()):
         return Pictures.NONE
-    way = way_of(os.environ if environment is None else environment)
+    way = way_of(os.environ)
     return (Pictures.SIXEL if _says_sixel(_query("\x1b[c")) else Pictures.NONE) if way is Pictures.AUTO else way
 
 

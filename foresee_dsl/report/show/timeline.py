@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.safe_text import shortened
-from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
+from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.report.show.moments import Snapshot
 
 _BARS = " ▁▂▃▄▅▆▇█"

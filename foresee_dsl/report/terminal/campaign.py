@@ -55,10 +55,10 @@ NAMED = 3
 screen."""
 
 
-def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = True) -> None:
+def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
     """Write the report to a file, as an SVG picture, HTML or plain text according to the file's suffix."""
     console = Console(record=True, width=100, file=io.StringIO(), highlight=False)
-    print_campaign(console, result, out, raw=raw)
+    print_campaign(console, result, out, raw=True)
     texts = {
         ".svg": lambda: console.export_svg(title="foresee campaign"),
         ".html": lambda: console.export_html(inline_styles=True),
@@ -216,9 +216,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         yield Text("no failures", style="bold green")
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
-    failed = [seed for seed in result.seeds if not seed.passed]
-    breaking = sum(map(_passed, failed))
-    yield verdicts_line([s.verdict for s in result.seeds], [s.reason for s in failed], breaking=breaking)
+    yield verdicts_line(result.seeds)
     children = [child for clip in result.clips for child in clip.children]
     if children:
         notes = [child.reason for child in children if _broke(child)]

@@ -5,7 +5,7 @@ requests.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -157,10 +157,5 @@ def nearer(near_miss: Nearer | None) -> str:
 
 
 def _figures(row: Row) -> tuple[str, ...]:
-    return tuple(_cells(row))
-
-
-def _cells(row: Row) -> Iterator[str]:
-    yield row.label
-    yield from map(str, (row.pairs, row.base_failed, row.new_failed, row.new_failures, row.fixed))
-    yield f"{row.p:.2g}"
+    counts = row.pairs, row.base_failed, row.new_failed, row.new_failures, row.fixed
+    return (row.label, *map(str, counts), f"{row.p:.2g}")

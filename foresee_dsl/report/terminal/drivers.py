@@ -38,12 +38,7 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
             than the number of `runs` if the first failure ended them.
     """
     for driver, mine in groupby(runs, key=lambda outcome: outcome.driver):
-        listed = list(mine)
-        failed = [outcome for outcome in listed if not outcome.passed]
-        breaking = sum(outcome.verdict is Verdict.PASS for outcome in failed)
-        verdicts, reasons = [outcome.verdict for outcome in listed], [outcome.reason for outcome in failed]
-        line = verdicts_line(verdicts, reasons, breaking=breaking)
-        console.print(Text.assemble((f"{safe(driver)}: ", "bold"), line), soft_wrap=True)
+        console.print(Text.assemble((f"{safe(driver)}: ", "bold"), verdicts_line(list(mine))), soft_wrap=True)
     if len(runs) < of:
         left = f"stopped at the first failure (--fail-fast): {of - len(runs)} were not run"
         console.print(Text(left, style="yellow"))
@@ -64,8 +59,7 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
         noted = set()
         for run in (run for run in runs if not run.passed):
             how = safe(without_verdict(run.verdict, run.reason), WHOLE)
-            ended = ending(run.verdict, run.broken_expectations)
-            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ended}: {how}"
+            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {ending(run)}: {how}"
             console.print(Text(text), soft_wrap=True)
             if (run.driver, run.reason) not in noted:  # each place in a driver's code is printed once
                 noted.add((run.driver, run.reason))

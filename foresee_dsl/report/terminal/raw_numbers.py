@@ -37,10 +37,13 @@ def raw_numbers(result: CampaignResult) -> list[Text | Table]:
     ]
 
 
+def family_title(family: str) -> str:
+    """Return the number and the title of a scenario family."""
+    return f"{family} {FAMILY_TITLES.get(family, '')}".strip() or "(no family)"
+
+
 def _family(row: FamilyRow) -> str:
-    if row.family == "all":
-        return "all"
-    return f"{row.family} {FAMILY_TITLES.get(row.family, '')}".strip() or "(no family)"
+    return "all" if row.family == "all" else family_title(row.family)
 
 
 def _counts_table(rows: Sequence[FamilyRow]) -> Table:

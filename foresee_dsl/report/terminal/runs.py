@@ -20,7 +20,7 @@ from foresee_dsl.report.verdicts import (
     verdicts_line,
     without_verdict,
 )
-from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes
 
 _LINES = 30
 """Maximum number of lines of a driver's output that are printed. Ours: the verdict above them stays on the screen."""
@@ -28,7 +28,7 @@ _LINES = 30
 
 def print_case_run(console: Console, run: CaseRun, trace: Path | None) -> None:
     """Print how one run ended: verdict and reason, what happened in it, and what the driver raised and printed."""
-    text = Text.assemble(f"{safe(run.case.id, WHOLE)}: ", ending(run.verdict, run.broken_expectations))
+    text = Text.assemble(f"{safe(run.case.id, WHOLE)}: ", ending(run))
     text.append(f", {safe(without_verdict(run.verdict, run.reason), WHOLE)}")
     if run.result is not None:
         text.append(f" ({run.result.duration_s:.1f} s, {run.result.steps} steps)")
@@ -61,15 +61,13 @@ def print_notes(console: Console, notes: DriverNotes) -> None:
 def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: Mapping[str, Path]) -> None:
     """Print several runs: how many failed and how, the failed runs in detail, and a table of all runs."""
     failed = [run for run in runs if not run.passed]
-    breaking = sum(run.verdict is Verdict.PASS for run in failed)
-    headline = verdicts_line([run.verdict for run in runs], [run.reason for run in failed], breaking=breaking)
-    console.print(headline, soft_wrap=True)
+    console.print(verdicts_line(runs), soft_wrap=True)
     for run in failed:
         console.print()
         print_case_run(console, run, traces.get(run.case.id))
     console.print()
     rows = [
-        (safe(run.case.id, WHOLE), ending(run.verdict, run.broken_expectations).plain,
+        (safe(run.case.id, WHOLE), ending(run).plain,
          f"{run.result.time_s:.2f} s" if run.result else "", _held(run),
          "yes" if run.notes.output.strip() else "")
         for run in runs

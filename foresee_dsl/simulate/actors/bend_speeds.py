@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import remainder, sqrt, tau
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import lengths
-from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.compile.roads.topology import Movement, per_network
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.lines import speed_points
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
@@ -93,15 +92,17 @@ NO_BENDS = BendStretch(0, 0, math.inf)
 
 
 class _StretchCache:
-    """The stretches of one network computed so far; kept between runs, because all mutants of a clip drive on the same
-    network.
+    """The stretches of one network computed so far.
 
     Attributes:
         stretches: the stretches; the key is the lane, the model, the next edges and the friction. points: the
             `SpeedPoint`s of all stretches.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, _: RoadNetwork) -> None:
+        self.clear()
+
+    def clear(self) -> None:
         self.stretches: dict[tuple[str, ModelSpec, tuple[str, ...], float], BendStretch] = {}
         self.points = speed_points((), ())
 
@@ -111,7 +112,7 @@ class _StretchCache:
         return BendStretch(begin, len(self.points), bends.slowest_mps)
 
 
-_CACHES: WeakKeyDictionary[RoadNetwork, _StretchCache] = WeakKeyDictionary()
+_cache_of = per_network(_StretchCache)
 _MOST_POINTS = 2**18
 """Number of cached points (4 MB) above which the network's next run starts with an empty cache. Ours: 400 random test
 cases of one town have 350,000."""
@@ -127,9 +128,9 @@ class LaneBends:
     def __init__(self, network: RoadNetwork, friction: float) -> None:
         """Use the cache of a network; `friction`: tyre-road friction coefficient."""
         self._network, self._friction = network, friction
-        if len(_CACHES.setdefault(network, _StretchCache()).points) > _MOST_POINTS:
-            _CACHES[network] = _StretchCache()
-        self._cache = _CACHES[network]
+        self._cache = _cache_of(network)
+        if len(self._cache.points) > _MOST_POINTS:
+            self._cache.clear()
         self._passed: dict[str, int] = {}
 
     @property

@@ -13,7 +13,7 @@ from math import atan, atan2, cos, hypot, pi, sin, sqrt
 
 import numpy as np
 
-from foresee_dsl.compile.bundle import Steering
+from foresee_dsl.compile.bundle import TimedValue
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
@@ -63,12 +63,8 @@ class LaneRecovery:
     Args: limits: the limits of the actor's vehicle.
         line: the centreline of its route.
         cruise_mps: speed where nothing hinders it, m/s.
-        offset: share of the largest steering angle (left positive), with its start and its duration, s (None: to the
-            end of the run).
-        lateral_bound_mps2: largest lateral acceleration that the offset may cause; None: only the tyres limit it.
+        offset: share of the largest steering angle (left positive) for a time.
         line_m: lateral distance to the left of the line that it keeps, m.
-        brakes: whether it brakes for others.
-        settings: see `RecoverySettings`.
     """
 
     def __init__(
@@ -77,19 +73,15 @@ class LaneRecovery:
         line: RouteLine,
         *,
         cruise_mps: float,
-        offset: Steering | None = None,
-        lateral_bound_mps2: float | None = None,
+        offset: TimedValue | None = None,
         line_m: float = 0.0,
-        brakes: bool = True,
-        settings: RecoverySettings | None = None,
     ) -> None:
         self.limits = limits
         self.bicycle = Bicycle(limits)
         self.line = line
-        self.settings = settings or RecoverySettings()
-        self.cruise_mps, self.offset, self.brakes, self.line_m = cruise_mps, offset, brakes, line_m
+        self.settings = RecoverySettings()
+        self.cruise_mps, self.offset, self.line_m = cruise_mps, offset, line_m
         holds = self.bicycle.lateral_mps2
-        self.offset_mps2 = holds if lateral_bound_mps2 is None else min(holds, lateral_bound_mps2)
         self.recovery_mps2 = min(holds, self.settings.recovery_mps2)
         self._targets = TargetSelection(limits, line, line_m)
         self._marks: list[float] = line.s.tolist()
@@ -130,10 +122,8 @@ class LaneRecovery:
         s, beside = self._along(state)
         offset = self._offset_now(time_s)
         steer = self._steering(state, offset, s, dt)
-        targets: list[Target] = []
-        if self.brakes:
-            strays = offset != 0 or abs(beside - self.line_m) > STRAYS_M
-            targets.extend(self._targets.targets(state, s, others, strays=strays, yields=yields))
+        strays = offset != 0 or abs(beside - self.line_m) > STRAYS_M
+        targets = list(self._targets.targets(state, s, others, strays=strays, yields=yields))
         if stop_s is not None:
             targets.extend(self._line_ahead(state, stop_s - s - self.limits.length_m / 2))
         acceleration = self._pedals(state.speed, s, targets)
@@ -144,19 +134,17 @@ class LaneRecovery:
         return self._near_s, left
 
     def _offset_now(self, time_s: float) -> float:
-        if self.offset is None:
-            return 0.0
-        since = time_s - self.offset.start_s
         # Half a microsecond of tolerance, because times are sums of steps of 0.05 s, which are not exact in binary.
-        within = since >= -5e-7 and (self.offset.duration_s is None or since < self.offset.duration_s - 5e-7)
-        return self.offset.value if within else 0.0
+        if self.offset is None or not self.offset.from_s - 5e-7 <= time_s < self.offset.until_s - 5e-7:
+            return 0.0
+        return self.offset.value
 
     def _steering(self, state: BicycleState, offset: float, s: float, dt: float) -> float:
         """Return the angle of the front wheels (rad) that the steering turns to in this step."""
         limit = self.limits.steer_max_rad
         if offset:
             steer = self.bicycle.steer_for(self._curvature[self._mark(s)]) + offset * limit
-            bound = self.offset_mps2
+            bound = self.bicycle.lateral_mps2
         else:
             steer, bound = self._pursuit(state, s), self.recovery_mps2
         # The bound must hold during the whole step, so it is computed with the highest speed that is possible at its

@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 from foresee_dsl.compile.bundle import DoorOf, PlacedActor, RecordedState
 from foresee_dsl.compile.placement.doors import DOOR_OPEN_DEG, hinge_m
 from foresee_dsl.compile.placement.statements import PUSHED_MPS2
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import cached, per_network
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import VehicleState
@@ -242,20 +242,11 @@ class PathActor(SimulatedActor):
     def __init__(self, actor: PlacedActor, world: World, edge: str, friction: float) -> None:
         """Place the actor at the length along its path that the scene states."""
         super().__init__(actor)
-        model, paced = actor.model, with_timing(actor)
+        paced = with_timing(actor)
         self._world, self.friction = world, friction
         self.cruise = paced.cruise_mps
         self.path_changed: Callable[[], None] | None = None
-        self.follower = PathFollower(
-            actor.path,
-            pace_mps=self.cruise,
-            acceleration_mps2=model.acceleration_mps2 or PUSHED_MPS2,
-            braking_mps2=model.braking_mps2 or PUSHED_MPS2,
-            length_m=0.0 if model.kind == "pedestrian" else model.length_m,
-            along_m=actor.along_m,
-            speed_mps=paced.speed_mps,
-            lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, friction),
-        )
+        self.follower = self._on(actor.path, self.cruise, paced.speed_mps, actor.along_m)
         self.stand_in = StandIn(world, actor.id, edge)
         self.stops = actor.walk_stops
         self.move(*self.follower.pose(), self.follower.speed_mps, self.acceleration)
@@ -273,19 +264,24 @@ class PathActor(SimulatedActor):
 
     def follow(self, path: Points) -> None:
         """Follow another path from its beginning, keeping the current speed."""
-        model, before = self.placed.model, self.follower
-        self.follower = PathFollower(
-            path,
-            pace_mps=before.pace_mps or self.cruise,
-            acceleration_mps2=model.acceleration_mps2 or PUSHED_MPS2,
-            braking_mps2=model.braking_mps2 or PUSHED_MPS2,
-            length_m=0.0 if model.kind == "pedestrian" else model.length_m,
-            speed_mps=self.speed,
-            lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, self.friction),
-        )
+        self.follower = self._on(path, self.follower.pace_mps or self.cruise, self.speed)
         self.stops, self.along = (), 0.0
         if self.path_changed is not None:
             self.path_changed()
+
+    def _on(self, path: Points, pace_mps: float, speed_mps: float, along_m: float = 0.0) -> PathFollower:
+        """Return a follower of a path with the actor's rates."""
+        model, walks = self.placed.model, self.placed.model.kind == "pedestrian"
+        return PathFollower(
+            path,
+            pace_mps=pace_mps,
+            acceleration_mps2=model.acceleration_mps2 or PUSHED_MPS2,
+            braking_mps2=model.braking_mps2 or PUSHED_MPS2,
+            length_m=0.0 if walks else model.length_m,
+            along_m=along_m,
+            speed_mps=speed_mps,
+            lateral_mps2=None if walks else lateral_limit_mps2(model.name, self.friction),
+        )
 
     def red_light(self) -> float | None:
         """Return the length along its path, m, at which the actor waits for a signal; None if it may go on."""
@@ -314,7 +310,7 @@ class SteeredVehicle(SumoVehicle):
     def due(self, time_s: float) -> bool:
         """Return whether the steering offset begins now, so that Python must take the vehicle over."""
         steering = self.placed.steering
-        return self.taken is None and steering is not None and time_s >= steering.start_s - STEP_S / 100
+        return self.taken is None and steering is not None and time_s >= steering.from_s - STEP_S / 100
 
     def take_over(self, network: RoadNetwork, cruise_mps: float) -> None:
         """Let Python move the vehicle from its current state on."""
@@ -346,19 +342,18 @@ def with_timing(actor: PlacedActor) -> PlacedActor:
 
 _MOST_BODIES = 2048
 """Maximum number of cached bodies per network. Ours: the bodies of some hundred test cases."""
-_BLOCKED: WeakKeyDictionary[RoadNetwork, dict[Box, tuple[LanePosition, ...]]] = WeakKeyDictionary()
-"""The stretches of lanes that bodies block, cached by network: in all mutants of a clip the obstacles stand at the same
-places."""
+
+
+@per_network
+def _blocked_by_bodies(_: RoadNetwork) -> dict[Box, tuple[LanePosition, ...]]:
+    """Return the stretches of lanes that bodies block, as far as they are known."""
+    return {}
 
 
 def _blocked_by(block: SimulatedActor, network: RoadNetwork) -> tuple[LanePosition, ...]:
-    """Return the stretches of lanes that a body blocks, from the cache if possible."""
-    cache, box = _BLOCKED.setdefault(network, {}), block.box
-    if box not in cache:
-        if len(cache) >= _MOST_BODIES:
-            cache.clear()
-        cache[box] = _blocked(box, network)
-    return cache[box]
+    """Return the stretches of lanes that a body blocks."""
+    box = block.box
+    return cached(_blocked_by_bodies(network), box, _MOST_BODIES, lambda: _blocked(box, network))
 
 
 def _blocked(block: Box, network: RoadNetwork) -> tuple[LanePosition, ...]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import cached, per_network
 from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.bicycle import VehicleState
 from foresee_dsl.kernels.path_following import (
@@ -53,14 +53,13 @@ class LanesUnderPaths:
 
     def cells(self, follower: PathFollower) -> Records:
         """Return the cells under a path. The lane of a cell that was not looked up yet is `UNKNOWN`."""
-        cells = self._cells.get(follower.path)
-        if cells is None:
-            if len(self._cells) >= _MOST_PATHS:
-                self._cells.clear()
-            count = round(follower.line.length_m / CELL_M) + 1
-            cells = self._cells[follower.path] = np.zeros(count, dtype_of(PathCell))
+
+        def unknown() -> Records:
+            cells = np.zeros(round(follower.line.length_m / CELL_M) + 1, dtype_of(PathCell))
             cells["lane"] = UNKNOWN
-        return cells
+            return cells
+
+        return cached(self._cells, follower.path, _MOST_PATHS, unknown)
 
     def look_up(self, follower: PathFollower, cell: int) -> Records:
         """Look up the lane under one cell of a path; return all cells of that path."""
@@ -75,15 +74,8 @@ class LanesUnderPaths:
         return cells
 
 
-_LANES: WeakKeyDictionary[RoadNetwork, LanesUnderPaths] = WeakKeyDictionary()
-"""The lanes under paths, cached by network, because all mutants of a clip have the same paths."""
-
-
-def lanes_under_paths(network: RoadNetwork) -> LanesUnderPaths:
-    """Return the lanes under the paths of a network, from the cache."""
-    if network not in _LANES:
-        _LANES[network] = LanesUnderPaths(network)
-    return _LANES[network]
+lanes_under_paths = per_network(LanesUnderPaths)
+"""Return the lanes under the paths of a network."""
 
 
 class PathGroup:

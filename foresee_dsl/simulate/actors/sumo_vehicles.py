@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
@@ -20,7 +19,7 @@ import shapely
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.compile.roads.topology import Lane, cached, per_network
 from foresee_dsl.kernels import sumo_traffic
 from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.bicycle import VehicleState
@@ -60,10 +59,18 @@ class _PlaceOnLane(NamedTuple):
 
 _MOST_PLACES = 2048
 """Maximum number of cached positions per network. Ours: the vehicles of a hundred test cases."""
-_PLACES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceInSumo]] = WeakKeyDictionary()
-_ON_LANES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceOnLane]] = WeakKeyDictionary()
-"""The places of vehicles on lanes, cached by network: in the mutants of a clip most vehicles begin at the same
-places."""
+
+
+@per_network
+def _places_in_sumo(_: RoadNetwork) -> dict[tuple[Any, ...], _PlaceInSumo]:
+    """Return the known places: in the mutants of a clip most vehicles begin at the same places."""
+    return {}
+
+
+@per_network
+def _places_on_lanes(_: RoadNetwork) -> dict[tuple[Any, ...], _PlaceOnLane]:
+    """Return the known places on lanes."""
+    return {}
 
 
 class SumoVehicle(SimulatedActor):
@@ -137,25 +144,17 @@ class SumoVehicle(SimulatedActor):
         """
         if not self.lane:
             return self.placed
-        cache, placed = _PLACES.setdefault(self._network, {}), self.placed
-        key = (
-            self.lane,
-            self.speed,
-            placed.x,
-            placed.y,
-            placed.heading_rad,
-            self.line_m,
-            placed.route,
-            placed.model,
-            (placed.passes, placed.sublanes),
-        )
-        position = cache.get(key)
-        if position is None:
-            if len(cache) >= _MOST_PLACES:
-                cache.clear()
-            position = cache[key] = self._place_in_sumo()
+        placed = self.placed
+        key = self._key(self.lane, self.line_m, placed.route)
+        position = cached(_places_in_sumo(self._network), key, _MOST_PLACES, self._place_in_sumo)
         x, y, heading, lane, route, self.rolls = position
         return replace(placed, x=x, y=y, heading_rad=heading, lane=lane, route=route)
+
+    def _key(self, *more: object) -> tuple[object, ...]:
+        """Return everything on which the vehicle's place depends, as the key of a cache."""
+        placed = self.placed
+        where = placed.x, placed.y, placed.heading_rad
+        return (*more, self.speed, *where, placed.model, placed.passes, placed.sublanes)
 
     def _place_in_sumo(self) -> _PlaceInSumo:
         """See `in_sumo`."""
@@ -208,22 +207,9 @@ class SumoVehicle(SimulatedActor):
 
     def _find_lane(self, nearest: Lane) -> None:
         """Find the lane that the vehicle follows, and the vehicle's place on it; from the cache if possible."""
-        cache, placed, record = _ON_LANES.setdefault(self._network, {}), self.placed, self.record
-        key = (
-            nearest.id,
-            self.speed,
-            placed.x,
-            placed.y,
-            placed.heading_rad,
-            placed.line_m,
-            placed.model,
-            (placed.passes, placed.sublanes),
-        )
-        position = cache.get(key)
-        if position is None:
-            if len(cache) >= _MOST_PLACES:
-                cache.clear()
-            position = cache[key] = self._place_on_lane(nearest)
+        record, key = self.record, self._key(nearest.id, self.placed.line_m)
+        places = _places_on_lanes(self._network)
+        position = cached(places, key, _MOST_PLACES, lambda: self._place_on_lane(nearest))
         self.lane, record["sumo_x"], record["sumo_y"], record["heading_s"], record["offset"] = position
         self._beside = position.lane, position.along_m
 
@@ -272,21 +258,16 @@ class LaneTable(NamedTuple):
     vertices: Records
 
 
-_LANE_TABLES: WeakKeyDictionary[RoadNetwork, LaneTable] = WeakKeyDictionary()
-"""The lane tables, cached by network: all mutants of a clip drive on the same network."""
-
-
+@per_network
 def lane_table(network: RoadNetwork) -> LaneTable:
-    """Return the lane table of a network, from the cache."""
-    if network not in _LANE_TABLES:
-        spans, lines, begin = {}, [], 0
-        for lane_id, lane in network.lanes.items():
-            line = lane.line
-            spans[lane_id] = begin, begin + len(line.xy)
-            lines.append(vertices(line.xy, line.marks, line.angles))
-            begin += len(line.xy)
-        _LANE_TABLES[network] = LaneTable(spans, np.concatenate([vertices((), (), ()), *lines]))
-    return _LANE_TABLES[network]
+    """Return the lane table of a network."""
+    spans, lines, begin = {}, [], 0
+    for lane_id, lane in network.lanes.items():
+        line = lane.line
+        spans[lane_id] = begin, begin + len(line.xy)
+        lines.append(vertices(line.xy, line.marks, line.angles))
+        begin += len(line.xy)
+    return LaneTable(spans, np.concatenate([vertices((), (), ()), *lines]))
 
 
 class SumoTraffic:

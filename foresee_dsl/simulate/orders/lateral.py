@@ -5,30 +5,17 @@ A later order to the same actor replaces the earlier one.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from foresee_dsl.language.model import ChangesLine, KeepsBeside
 from foresee_dsl.language.model.actions import WIDEST_LINE_M
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
+from foresee_dsl.simulate.orders.pair import OrderByOther
 from foresee_dsl.simulate.trace import STEP_S
 
 THERE_M = 0.05
 """Distance within which a vehicle is on its `line`, m. Ours: it approaches the line asymptotically; five times the
 rounding of clips."""
-
-
-class SidewaysOrder(Protocol):
-    """An order that sets the lateral position of a vehicle in its lane for a while."""
-
-    def update(self, time_s: float) -> bool:
-        """Set the position for the step that begins now; return False when the order has ended."""
-        ...
-
-    def complete(self) -> bool:
-        """Return whether the order is complete."""
-        ...
 
 
 class LateralShift:
@@ -41,7 +28,7 @@ class LateralShift:
         self._since_s = simulation.time_s
 
     def update(self, time_s: float) -> bool:
-        """See `SidewaysOrder`."""
+        """See `speed.Command`."""
         share = 1.0 if self._over_s <= 0 else min(1.0, (time_s + STEP_S - self._since_s) / self._over_s)
         self._actor.line_m = self._from_m + (self._to_m - self._from_m) * share
         return share < 1.0
@@ -52,31 +39,26 @@ class LateralShift:
         return over and abs(self._actor.beside_m - self._to_m) <= THERE_M
 
 
-class Beside:
+class Beside(OrderByOther):
     """Keeps a lateral distance to another actor, at most `WIDEST_LINE_M` from its lane's centreline."""
 
     def __init__(self, simulation: Simulation, actor: SumoVehicle, action: KeepsBeside) -> None:
-        self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
+        super().__init__(simulation, actor, action)
+        self._vehicle = actor
         apart_m = si_of(action.room) + (actor.width + self._other.width) / 2
         self._apart_m = apart_m if word_of(action.side) == "left" else -apart_m
-        self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
 
     def update(self, time_s: float) -> bool:
-        """See `SidewaysOrder`."""
+        """See `speed.Command`."""
         if self._over(time_s):
             return False
         if self._other.present:
-            self._actor.line_m = max(-WIDEST_LINE_M, min(WIDEST_LINE_M, self._actor.beside_m + self._missing_m()))
+            line_m = self._vehicle.beside_m + self._missing_m()
+            self._vehicle.line_m = max(-WIDEST_LINE_M, min(WIDEST_LINE_M, line_m))
         return True
 
-    def complete(self) -> bool:
-        """Return whether the duration has passed or, without a duration, whether the distance is reached."""
-        if self._until_s is not None:
-            return self._over(self._simulation.time_s)
-        return not self._other.present or abs(self._missing_m()) <= THERE_M
-
-    def _over(self, time_s: float) -> bool:
-        return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
+    def _reached(self) -> bool:
+        return abs(self._missing_m()) <= THERE_M
 
     def _missing_m(self) -> float:
         """Return the lateral shift to the left that gives the ordered distance, m."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from foresee_dsl.kernels.constants import STANDS_MPS
-from foresee_dsl.language.model import KeepsGap, MatchesSpeed
+from foresee_dsl.language.model import KeepsBeside, KeepsGap, MatchesSpeed
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
@@ -26,14 +26,36 @@ KEEPS_SPEED_S = 0.25
 place; this is their duration, s. Ours: the remaining distance is then too short to compute a speed from."""
 
 
-class Gap:
+class OrderByOther:
+    """An order that sets an actor's motion by that of another actor, for a duration or until the end of the run."""
+
+    def __init__(
+        self, simulation: Simulation, actor: SimulatedActor, action: KeepsGap | MatchesSpeed | KeepsBeside
+    ) -> None:
+        self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
+        self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
+
+    def complete(self) -> bool:
+        """Return whether the duration has passed or, without a duration, whether the actor moves as ordered."""
+        if self._until_s is not None:
+            return self._over(self._simulation.time_s)
+        return not self._other.present or self._reached()
+
+    def _reached(self) -> bool:
+        """Return whether the actor moves as ordered."""
+        raise NotImplementedError
+
+    def _over(self, time_s: float) -> bool:
+        return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
+
+
+class Gap(OrderByOther):
     """An order to keep a gap behind or ahead of another actor: a distance, or a time at the speed of the rear actor."""
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, action: KeepsGap) -> None:
-        self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
+        super().__init__(simulation, actor, action)
         self._gap, self._timed = si_of(action.gap), action.gap_is_time
         self._leads = action.way == "leads"
-        self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
         simulation.close_up(actor, on=True)
 
     def update(self, time_s: float) -> bool:
@@ -52,14 +74,8 @@ class Gap:
         """Restore the actor's usual distance to others."""
         self._simulation.close_up(self._actor, on=False)
 
-    def complete(self) -> bool:
-        """Return whether the duration has passed or, without a duration, whether the gap is reached."""
-        if self._until_s is not None:
-            return self._over(self._simulation.time_s)
-        return not self._other.present or abs(self._missing_m()) <= HAS_GAP_M
-
-    def _over(self, time_s: float) -> bool:
-        return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
+    def _reached(self) -> bool:
+        return abs(self._missing_m()) <= HAS_GAP_M
 
     def _missing_m(self) -> float:
         """Return by how much the gap must grow, m; NaN if the actors have no common line along which to measure it."""
@@ -69,14 +85,13 @@ class Gap:
         return (self._gap * behind.speed if self._timed else self._gap) - gap
 
 
-class Match:
+class Match(OrderByOther):
     """An order to drive at another actor's current speed, times a factor, plus a difference."""
 
     def __init__(self, simulation: Simulation, actor: SimulatedActor, action: MatchesSpeed) -> None:
-        self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
+        super().__init__(simulation, actor, action)
         self._factor = 1.0 if action.factor is None else si_of(action.factor)
         self._more = 0.0 if action.more is None else si_of(action.more)
-        self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
 
     def update(self, time_s: float) -> bool:
         """See `speed.Command`."""
@@ -86,14 +101,8 @@ class Match:
         self._simulation.order_speed(self._actor, self._target_mps())
         return True
 
-    def complete(self) -> bool:
-        """Return whether the duration has passed or, without a duration, whether that speed is reached."""
-        if self._until_s is not None:
-            return self._over(self._simulation.time_s)
-        return not self._other.present or abs(self._actor.speed - self._target_mps()) < STANDS_MPS
-
-    def _over(self, time_s: float) -> bool:
-        return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
+    def _reached(self) -> bool:
+        return abs(self._actor.speed - self._target_mps()) < STANDS_MPS
 
     def _target_mps(self) -> float:
         return max(0.0, self._other.speed * self._factor + self._more)

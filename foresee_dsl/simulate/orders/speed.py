@@ -51,10 +51,10 @@ cars begin to brake for a red signal within their stopping distance, 35 m at 65 
 
 
 class Command(Protocol):
-    """An order that sets an actor's speed for a while; a later order to the same actor replaces it."""
+    """An order that sets an actor's speed, or its lateral position, for a while; a later one replaces it."""
 
     def update(self, time_s: float) -> bool:
-        """Set the speed for the step that begins now; return False when the order has ended."""
+        """Set the speed or position for the step that begins now; return False when the order has ended."""
         ...
 
     def complete(self) -> bool:

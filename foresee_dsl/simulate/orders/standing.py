@@ -9,7 +9,6 @@ from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.orders.lateral import SidewaysOrder
 from foresee_dsl.simulate.orders.pair import Gap
 from foresee_dsl.simulate.orders.speed import BOUND_FROM_M, Braking, Command, Halt, Meeting
 from foresee_dsl.simulate.recorder import Recorder
@@ -32,10 +31,10 @@ class StandingOrders:
         self.new: list[str] = []
         self.recorded: dict[str, list[ActorOrders]] = {}
         self._commands: dict[str, Command] = {}
-        self._latest: dict[str, Command] = {}
+        self._latest: dict[tuple[str, str], object] = {}
+        """The latest order of each kind to each actor."""
         self._starts: dict[str, float] = {}
-        self._sideways: dict[str, SidewaysOrder] = {}
-        self._latest_sideways: dict[str, SidewaysOrder] = {}
+        self._sideways: dict[str, Command] = {}
         self._bound: list[tuple[SimulatedActor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
         self._braking: dict[str, Braking] = {}
@@ -51,27 +50,25 @@ class StandingOrders:
         before = self._commands.get(actor.id)
         if isinstance(before, Gap | Braking):
             before.release()
-        self._commands[actor.id] = self._latest[actor.id] = command
+        self._commands[actor.id] = command
         self.new.append(actor.id)
-        return lambda: self._latest[actor.id] is not command or command.complete()
+        return self.note(actor, "speed", command.complete)
 
-    def note(self, actor: SimulatedActor, command: Command) -> IsComplete:
-        """Register a speed order as the actor's latest one; unlike other speed orders it is not carried out in each
-        step.
+    def note(self, actor: SimulatedActor, kind: str, complete: IsComplete) -> IsComplete:
+        """Register the actor's latest order of a kind (`speed`, `sideways` or `path`) without carrying it out; return a
+        function that says whether it is complete or was replaced.
         """
-        self._latest[actor.id] = command
-        return lambda: self._latest[actor.id] is not command or command.complete()
+        order = self._latest[kind, actor.id] = object()
+        return lambda: self._latest[kind, actor.id] is not order or complete()
 
     def end(self, actor: SimulatedActor) -> None:
         """End an actor's speed order, if the actor has one."""
         self._commands.pop(actor.id, None)
 
-    def give_sideways(self, actor: SimulatedActor, order: SidewaysOrder) -> IsComplete:
-        """Give an order about an actor's lateral position in its lane; return a function that says whether it is
-        complete.
-        """
-        self._sideways[actor.id] = self._latest_sideways[actor.id] = order
-        return lambda: self._latest_sideways[actor.id] is not order or order.complete()
+    def give_sideways(self, actor: SimulatedActor, order: Command) -> IsComplete:
+        """Give an order about an actor's lateral position in its lane; see `give`."""
+        self._sideways[actor.id] = order
+        return self.note(actor, "sideways", order.complete)
 
     def start(self, actor: SimulatedActor, at_s: float) -> IsComplete:
         """Let an actor start at this time."""
@@ -176,7 +173,7 @@ class StandingOrders:
             speed, keeps_mps = (None, None) if over else (orders.speed, keeps_mps)
             add(self.recorded[actor], replace(orders, time_s=self.now_s, speed=speed, keeps_mps=keeps_mps))
 
-    def _update_sideways(self, name: str, order: SidewaysOrder) -> None:
+    def _update_sideways(self, name: str, order: Command) -> None:
         """Carry out a lateral order, and record the line at which the vehicle then is."""
         actor = self._simulation.sumo_vehicles[name]
         if not actor.present or not order.update(self._simulation.time_s):

@@ -9,11 +9,11 @@ from __future__ import annotations
 from functools import cache
 from math import cos, hypot, inf, nan, sin, sqrt
 from typing import TYPE_CHECKING, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
 
+from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
 from foresee_dsl.kernels.conditions import time_to_touch
@@ -142,16 +142,8 @@ def outline_of(points: Points) -> Outline:
     return Outline(area, np.concatenate(sides), np.array(area.bounds))
 
 
-_OUTLINES: WeakKeyDictionary[RoadNetwork, Outlines] = WeakKeyDictionary()
-"""The outlines of each network, kept between runs: all mutants of a clip drive on the same network."""
-
-
-def outlines_of(network: RoadNetwork) -> Outlines:
-    """Return the outlines of a network's junctions, from the cache."""
-    outlines = _OUTLINES.get(network)
-    if outlines is None:
-        outlines = _OUTLINES[network] = Outlines(network)
-    return outlines
+outlines_of = per_network(Outlines)
+"""Return the outlines of a network's junctions."""
 
 
 def point_distance(box: Box, x: float, y: float) -> float:

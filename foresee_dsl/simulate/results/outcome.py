@@ -18,14 +18,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, hypot, inf, pi, sin
+from math import cos, floor, hypot, inf, pi, sin
 
 import numpy as np
+import shapely
 
 from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Mover, corner_points, hits
+from foresee_dsl.kernels.boxes import WHOLE, Mover, all_whole, corner_points, hits
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.target_selection import half_extent
 from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
@@ -55,26 +58,16 @@ FLUSH_M = 0.05
 touching; otherwise only one corner. Ours: smaller than the deviation of a car's outline from a rectangle."""
 
 
-def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
-    """Return the kind of failure of a collision.
-
-    Args:
-        ego: the ego, where it overlaps the other.
-        other: the other party, at the same moment.
-        kind: class of the other party.
-
-    Returns:
-        One of F1 to F5.
-    """
+def classify(contact: Impact, kind: ActorKind) -> Verdict:
+    """Return the kind of failure of a collision, one of F1 to F5; `kind`: class of the other party."""
     if kind == "obstacle":
         return Verdict.F1
     if kind == "pedestrian":
         return Verdict.F2
-    mine, theirs = contact_sides(ego, other)
-    turned = abs(wrap(other.heading - ego.heading))
-    if turned >= pi - FACING_RAD and mine == theirs == "front":
+    sides, turned = (contact.side, contact.other_side), abs(contact.turned_rad)
+    if turned >= pi - FACING_RAD and sides == ("front", "front"):
         return Verdict.F3
-    if turned <= FACING_RAD and {mine, theirs} == {"front", "rear"}:
+    if turned <= FACING_RAD and set(sides) == {"front", "rear"}:
         return Verdict.F5
     return Verdict.F4
 
@@ -121,7 +114,7 @@ def impact(ego: Mover, other: Mover, name: str) -> Impact:
         ahead_m=ahead,
         left_m=left,
         turned_rad=wrap(other.heading - ego.heading),
-        struck_by=who_struck(ego, other),
+        struck_by=_who_struck(ego, other, normal),
         relative_mps=hypot(ax - bx, ay - by),
         closing_mps=(ax - bx) * nx + (ay - by) * ny,
         ego_mps=ego.speed,
@@ -129,19 +122,12 @@ def impact(ego: Mover, other: Mover, name: str) -> Impact:
     )
 
 
-def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
-    """Return the sides of two overlapping bodies that touched first: the ego's and the other's."""
-    normal = _first_touch(ego, other)[1]
-    return _side(normal - ego.heading), _side(normal + pi - other.heading)
-
-
-def who_struck(ego: Mover, other: Mover) -> Striker:
+def _who_struck(ego: Mover, other: Mover, normal: float) -> Striker:
     """Return which of two overlapping bodies moved towards the other along the contact normal.
 
     A body struck the other if it moved towards it faster than `STUCK_SPEED_MPS`. In a head-on collision, or when two
     bodies drift together, both did; when a body turns into another while passing it, neither did.
     """
-    normal = _first_touch(ego, other)[1]
     ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
     strikes, struck = ahead > STUCK_SPEED_MPS, -against > STUCK_SPEED_MPS
     if strikes == struck:
@@ -308,7 +294,7 @@ class OutcomeJudge:
         how = impact(ego, other, name)
         if time_s <= 0:
             return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
-        verdict = classify(ego, other, kind)
+        verdict = classify(how, kind)
         what = verdict.contact.format(whom)
         # `campaign.regression.verify` ignores the text after the time when it compares two runs.
         return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
@@ -342,3 +328,54 @@ def _side(angle: float) -> Side:
     if abs(angle) >= pi - FACING_RAD:
         return "rear"
     return "left" if angle > 0 else "right"
+
+
+# ---- the drivable area ---------------------------------------------------------------------------------------------
+
+
+_CELL_M = 0.5
+"""Side of a square, m. Ours: in a lane of 3.3 m a car's wheel is 0.6 m from the edge, so squares of this size fit
+between wheel and edge; a wheel passes about 200 of them in a run."""
+_MOST_CELLS = 4_000_000
+"""Maximum number of squares of a network; in a larger network the squares are larger. Ours: 4 MB, or a square kilometre
+of the smallest squares."""
+_UNKNOWN, _PARTLY = 0, 2
+
+
+class Squares:
+    """Squares of a network that say whether points lie on the drivable area; each is tested when a point first falls
+    into it.
+
+    Attributes:
+        left, bottom: the lower left corner of the first square, m. cell: side of a square, m.
+        states: [columns, rows] 1 for a square that lies wholly on the drivable area, 2 for a square that does not, 0
+            for a square that was not tested yet.
+    """
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._area = network.drivable_around
+        left, bottom, right, top = network.bounds
+        self.left, self.bottom = left, bottom
+        self.cell = max(_CELL_M, float(np.sqrt((right - left) * (top - bottom) / _MOST_CELLS)))
+        shape = floor((right - left) / self.cell) + 1, floor((top - bottom) / self.cell) + 1
+        self.states = np.zeros(shape, dtype=np.uint8)
+
+    def hold(self, points: FloatArray) -> bool:
+        """Return whether all points ([N, 2] m) lie on the drivable area."""
+        return all_whole(points, self.left, self.bottom, self.cell, self.states) or all(
+            self._holds(x, y) for x, y in points.tolist()
+        )
+
+    def _holds(self, x: float, y: float) -> bool:
+        column, row = floor((x - self.left) / self.cell), floor((y - self.bottom) / self.cell)
+        if not (0 <= column < self.states.shape[0] and 0 <= row < self.states.shape[1]):
+            return False
+        if self.states[column, row] == _UNKNOWN:
+            left, bottom = self.left + column * self.cell, self.bottom + row * self.cell
+            square = shapely.box(left, bottom, left + self.cell, bottom + self.cell)
+            self.states[column, row] = WHOLE if shapely.contains_properly(self._area(x, y), square) else _PARTLY
+        return self.states[column, row] == WHOLE or bool(shapely.contains_xy(self._area(x, y), x, y))
+
+
+squares_of = per_network(Squares)
+"""Return the squares of a network."""

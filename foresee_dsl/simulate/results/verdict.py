@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from typing import Any, Literal, Self
@@ -291,7 +291,7 @@ class RunResult(Displayed):
     reason: str
     duration_s: float
     steps: int
-    trace: Trace
+    trace: Trace = field(repr=False)
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
     """The contact, also that of a run that is `invalid` at its first frame; None if the run ended without a contact,

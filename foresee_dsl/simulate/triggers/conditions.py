@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -30,23 +29,9 @@ from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import outlines_of
 from foresee_dsl.simulate.results.outcome import Decision
 from foresee_dsl.simulate.rules.watch import RuleWatch
+from foresee_dsl.simulate.sensing.perception import Sensing
+from foresee_dsl.simulate.sensing.sight import LinesOfSight
 from foresee_dsl.simulate.triggers.ways import Ways
-
-
-class Eyes(Protocol):
-    """The sensors of the ego, as far as conditions need them."""
-
-    def reports(self, actor: str) -> bool:
-        """Return whether the sensors report an actor at the current frame."""
-        ...
-
-
-class Sightlines(Protocol):
-    """The lines of sight between actors, which do not depend on sensors."""
-
-    def clear(self, eye: str, actor: str) -> bool:
-        """Return whether nothing hides an actor from another one."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +62,10 @@ class ConditionOutcome:
 class Conditions:
     """Evaluates conditions at the simulation's current frame; `condition_history` follows them over time."""
 
-    def __init__(
-        self,
-        simulation: Simulation,
-        signals: Mapping[str, Signal],
-        *,
-        eyes: Eyes | None = None,
-        sightlines: Sightlines | None = None,
-    ) -> None:
-        """Evaluate conditions of one run.
-
-        `eyes`, `sightlines`: the ego's sensors and the lines of sight; without them conditions about sight have no
-        outcome.
-        """
+    def __init__(self, simulation: Simulation, signals: Mapping[str, Signal], sensing: Sensing | None = None) -> None:
+        """Evaluate conditions of one run; without the ego's sensors, conditions about them have no outcome."""
         self.simulation, self.signals = simulation, signals
-        self.eyes, self.sightlines = eyes, sightlines
+        self.sensing, self.sightlines = sensing, LinesOfSight(simulation)
         self.outlines = outlines_of(simulation.network)
         self.states = simulation.state_table.states
         self.sizes = np.array([(actor.length, actor.width) for actor in simulation.actors]).reshape(-1, 2)

@@ -24,7 +24,7 @@ from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import OpenDoor, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.orders.lateral import Beside, LateralShift, SidewaysOrder
+from foresee_dsl.simulate.orders.lateral import Beside, LateralShift
 from foresee_dsl.simulate.orders.pair import Gap, Match, Synchrony
 from foresee_dsl.simulate.orders.speed import Braking, Command, Halt, Meeting, Ramp, Reverse, Stop, StopSpot
 from foresee_dsl.simulate.orders.standing import StandingOrders
@@ -46,14 +46,14 @@ class Director:
     def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder) -> None:
         self._simulation, self._conditions, self._recorder = simulation, conditions, recorder
         self._orders = StandingOrders(simulation, recorder)
-        self._latest_path: dict[str, object] = {}
         self._strays: list[tuple[float, m.ChangesLine]] = []
         self._things: list[Order] = []
         # The place that a text such as `12 m after start` means depends on where its actor starts, so the scene states
         # it.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
-        self._triggers = [Trigger(index, when, conditions, self) for index, when in enumerate(simulation.scene.whens)]
+        whens = enumerate(simulation.scene.whens)
+        self._triggers = [Trigger(index, when, conditions, self.act, self.event) for index, when in whens]
 
     def step(self) -> None:
         """Evaluate the triggers at the current frame; their orders take effect in the next step."""
@@ -202,7 +202,7 @@ class Director:
             self._orders.end(actor)
             self._simulation.cruise_mps[actor.id] = meeting.pace_mps() * actor.placed.timing
             self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
-        return self._orders.note(actor, meeting)
+        return self._orders.note(actor, "speed", meeting.complete)
 
     def _ignore(self, actor: SimulatedActor, what: str, junction: str | None) -> None:
         self.event("ignores", {"what": what, "junction": junction}, actor.id)
@@ -272,7 +272,7 @@ class Director:
         # The actor drives on, and its earlier speed order ends.
         self._orders.end(actor)
         self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
-        self._orders.note(actor, halt)
+        self._orders.note(actor, "speed", halt.complete)
         return _at_once
 
     def _settled(self, action: _Item) -> _Item:
@@ -346,8 +346,7 @@ class Director:
         path = self._simulation.follow_path(actor, points, joined)
         joins = joined[0] if joined is not None else ()
         self._orders.record_path(actor, path, joins)
-        order = self._latest_path[actor.id] = object()
-        return lambda: self._latest_path[actor.id] is not order or self._simulation.path_done(actor)
+        return self._orders.note(actor, "path", lambda: self._simulation.path_done(actor))
 
     def _leave(self, actor: SimulatedActor) -> IsComplete:
         self.event("leaves", {}, actor.id)
@@ -365,7 +364,7 @@ class Director:
         return _at_once
 
     def _keep_sideways(self, actor: SimulatedActor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
-        order: SidewaysOrder
+        order: Command
         vehicle = self._simulation.sumo_vehicles.get(actor.id)
         if isinstance(action, m.ChangesLine):
             self.event("changes_line", {"to_m": si_of(action.to)}, actor.id)

@@ -55,14 +55,16 @@ class ConditionKind:
         """Return how far a fact is from holding, m, and why; None if the fact has no such distance."""
         return None
 
-    def fact(self, held: bool) -> ConditionOutcome:
-        """Return the outcome of a condition that is a fact, not a comparison."""
-        return ConditionOutcome(held, decides=self.condition)
-
     def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> ConditionOutcome:
         """Return the outcome of a comparison with a bound; the margin has the bound's unit."""
         quantity = quantity_of(bound)
         return ConditionOutcome(held, slack, quantity.unit, self.condition, quantity.dimension, value)
+
+    def inside(self, inside_m: float) -> ConditionOutcome | None:
+        """Return the outcome of a condition that holds inside an area; `inside_m` is negative outside, NaN unknown."""
+        if math.isnan(inside_m):
+            return None
+        return ConditionOutcome(inside_m >= 0, inside_m, "m", self.condition, "length")
 
 
 class _Compared(ConditionKind):
@@ -90,15 +92,23 @@ class _Compared(ConditionKind):
         return None if math.isnan(value) else bool(self._held(value)[0])
 
 
-class _Arrives(ConditionKind):
+class _Fact(ConditionKind):
+    """A condition without a margin, which only states whether it holds."""
+
+    def truth(self) -> bool | None:
+        raise NotImplementedError
+
+    def outcome(self) -> ConditionOutcome | None:
+        held = self.truth()
+        return None if held is None else ConditionOutcome(held, decides=self.condition)
+
+
+class _Arrives(_Fact):
     """The condition `arrived(ego)`."""
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
         self._name = condition.actor
-
-    def outcome(self) -> ConditionOutcome:
-        return self.fact(self.run.arrived(self._name))
 
     def truth(self) -> bool:
         return bool(self.run.arrived(self._name))
@@ -117,15 +127,12 @@ class _Arrives(ConditionKind):
         return None if math.isnan(left_m) else (left_m, "to go")
 
 
-class _Collides(ConditionKind):
+class _Collides(_Fact):
     """The condition `collision(ego)`."""
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
         self._name = condition.actor
-
-    def outcome(self) -> ConditionOutcome:
-        return self.fact(self.run.collides(self._name))
 
     def truth(self) -> bool:
         return bool(self.run.collides(self._name))
@@ -151,7 +158,7 @@ class _InAnyJunction(ConditionKind):
         if math.isnan(away):
             return None
         # Inside there is no margin, because a depth inside a junction would mean nothing.
-        return ConditionOutcome(False, -away, "m", self.condition, "length") if away > 0 else self.fact(True)
+        return self.inside(-away) if away > 0 else ConditionOutcome(True, decides=self.condition)
 
     def _away(self, actor: SimulatedActor) -> float:
         return self.run.outlines.nearest(actor.box)
@@ -194,8 +201,7 @@ class _Beside(ConditionKind):
     def outcome(self) -> ConditionOutcome | None:
         actor = self.run.actor(self._of.actor)
         other = actor if isinstance(self._of, m.InLane) else self.run.actor(self._of.other)
-        inside = math.nan if actor is None or other is None else self._inside(actor, other)
-        return None if math.isnan(inside) else ConditionOutcome(inside >= 0, inside, "m", self.condition, "length")
+        return None if actor is None or other is None else self.inside(self._inside(actor, other))
 
     def _inside(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         ways = self.run.ways
@@ -212,7 +218,7 @@ class _Beside(ConditionKind):
                 assert_never(self._of)
 
 
-class _Seen(ConditionKind):
+class _Seen(_Fact):
     """The conditions `ego sees walker`, by the ego's sensors, and `walker in sight of bus`, by a line of sight."""
 
     def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
@@ -221,19 +227,19 @@ class _Seen(ConditionKind):
         names = condition.actor, condition.other
         self._eye, self._seen = names if self._sensed else names[::-1]
 
-    def outcome(self) -> ConditionOutcome | None:
+    def truth(self) -> bool | None:
         eye, seen, run = self.run.actor(self._eye), self.run.actor(self._seen), self.run
         if eye is None or seen is None:
             return None
         if self._sensed:
-            return None if run.eyes is None else self.fact(run.eyes.reports(seen.id))
-        return None if run.sightlines is None else self.fact(run.sightlines.clear(eye.id, seen.id))
+            return None if run.sensing is None else run.sensing.reports(seen.id)
+        return run.sightlines.clear(eye.id, seen.id)
 
     def away(self) -> tuple[float, str] | None:
-        eye, seen, lines = self.run.actor(self._eye), self.run.actor(self._seen), self.run.sightlines
-        if eye is None or seen is None or lines is None:
+        eye, seen = self.run.actor(self._eye), self.run.actor(self._seen)
+        if eye is None or seen is None:
             return None
-        why = "too far or missed" if lines.clear(eye.id, seen.id) else "hidden"
+        why = "too far or missed" if self.run.sightlines.clear(eye.id, seen.id) else "hidden"
         first, second = (eye, seen) if self._sensed else (seen, eye)
         return box_distance(first.box, second.box), why
 
@@ -270,7 +276,7 @@ class _Near(ConditionKind):
         return point_distance(actor.box, x, y)
 
 
-class _Signalled(ConditionKind):
+class _Signalled(_Fact):
     """The conditions `ego.signal(j4) is red` and `signal(j4) is ns_go`."""
 
     def __init__(self, condition: m.Shows, run: Conditions) -> None:
@@ -278,16 +284,16 @@ class _Signalled(ConditionKind):
         self._actor, self._junction = condition.actor, word_of(condition.junction)
         self._state = word_of(condition.state)
 
-    def outcome(self) -> ConditionOutcome | None:
+    def truth(self) -> bool | None:
         signal, lights = self.run.signals.get(self._junction), self.run.simulation.world.signals
         if signal is None:
             return None
         if self._actor is None:
             stage, _ = lights.stage(signal.tls)
-            return self.fact(signal.stages[stage] == self._state)
+            return signal.stages[stage] == self._state
         actor = self.run.actor(self._actor)
         link = None if actor is None else self._link(actor, signal.tls)
-        return None if link is None else self.fact(lights.colour(*link) == self._state)
+        return None if link is None else lights.colour(*link) == self._state
 
     def _link(self, actor: SimulatedActor, tls: str) -> tuple[str, int] | None:
         """Return the signal and the link that apply to an actor, up to the frame at which it has left the junction."""
@@ -301,7 +307,7 @@ class _Signalled(ConditionKind):
         return None
 
 
-class _RunsRed(ConditionKind):
+class _RunsRed(_Fact):
     """The condition `ego runs red at j4`: an event, which holds at one frame."""
 
     def __init__(self, condition: m.RunsRed, run: Conditions) -> None:
@@ -310,15 +316,15 @@ class _RunsRed(ConditionKind):
         self._junction = word_of(condition.junction or "")
         self.cost = Cost.EVERY_STEP
 
-    def outcome(self) -> ConditionOutcome | None:
+    def truth(self) -> bool | None:
         if self._rules is None:
             return None
         self._rules.look()
         junctions = [broken.place for broken in self._rules.now if broken.rule is Rule.RED]
-        return self.fact(self._junction in junctions if self._junction else bool(junctions))
+        return self._junction in junctions if self._junction else bool(junctions)
 
 
-class _Yields(ConditionKind):
+class _Yields(_Fact):
     """The conditions `ego yields to walker at crossing` and `ego yields to runner at j4`: an event, which holds at one
     frame.
     """
@@ -331,22 +337,22 @@ class _Yields(ConditionKind):
         self._waited_for: set[YieldArea] = set()
         self.cost = Cost.EVERY_STEP
 
-    def outcome(self) -> ConditionOutcome | None:
+    def truth(self) -> bool | None:
         if self._rules is None:
             return None
         self._rules.look()
         taken = (b for b in self._rules.now if b.rule is self._rule and self._junction in ("", b.place))
         if any(broken.other == self._other for broken in taken):
-            return self.fact(False)
-        return self.fact(True) if self._passed() else None
+            return False
+        return self._passed(self._rules) or None
 
-    def _passed(self) -> bool:
+    def _passed(self, rules: RuleWatch) -> bool:
         """Return whether, at this frame, the other actor has passed a place that this actor has not reached yet."""
         passed = False
-        for area in self._rules.near_areas(YIELDS_WITHIN_M) if self._rules is not None else ():
+        for area in rules.near_areas(YIELDS_WITHIN_M):
             if area.rule is not self._rule or self._junction not in ("", area.junction):
                 continue
-            if self._rules is not None and self._rules.comes(area, self._other):
+            if rules.comes(area, self._other):
                 self._waited_for.add(area)
             elif area in self._waited_for:
                 self._waited_for.remove(area)
@@ -360,38 +366,28 @@ def _rules_of(name: str, run: Conditions) -> RuleWatch | None:
     return None if actor is None or actor.placed.line is None else run.rules(actor)
 
 
-def _at_junction(condition: m.Shows | m.RunsRed | m.YieldsAtCrossing | m.YieldsAt, run: Conditions) -> ConditionKind:
-    match condition:
-        case m.Shows():
-            return _Signalled(condition, run)
-        case m.RunsRed():
-            return _RunsRed(condition, run)
-        case m.YieldsAtCrossing() | m.YieldsAt():
-            return _Yields(condition, run)
-
-
 def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
     """Return a condition without parts, bound to a run."""
     kind: ConditionKind
     match condition:
         case m.Comparison():
             kind = _Compared(condition, run)
-        case m.Predicate(what="arrived"):
-            kind = _Arrives(condition, run)
         case m.Predicate():
-            kind = _Collides(condition, run)
-        case m.InJunction() if condition.junction is None:
-            kind = _InAnyJunction(condition, run)
+            kind = (_Arrives if condition.what == "arrived" else _Collides)(condition, run)
         case m.InJunction():
-            kind = _InJunction(condition, run)
+            kind = (_InAnyJunction if condition.junction is None else _InJunction)(condition, run)
         case m.Ahead() | m.Behind() | m.SameLane() | m.InLane():
             kind = _Beside(condition, run)
         case m.Sees() | m.InSight():
             kind = _Seen(condition, run)
         case m.Within():
             kind = _Near(condition, run)
-        case m.Shows() | m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
-            kind = _at_junction(condition, run)
+        case m.Shows():
+            kind = _Signalled(condition, run)
+        case m.RunsRed():
+            kind = _RunsRed(condition, run)
+        case m.YieldsAtCrossing() | m.YieldsAt():
+            kind = _Yields(condition, run)
         case m.Equals():
             raise TypeError(
                 "a condition about a parameter must be decided before a run, so it cannot be evaluated in it"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Any
 
 from foresee_dsl.language.model import Action, Condition, Then, When
 from foresee_dsl.simulate.triggers.condition_history import Watch
@@ -18,18 +18,10 @@ from foresee_dsl.simulate.triggers.record import BlockState, HoldingTime, Place,
 
 IsComplete = Callable[[], bool]
 """Function that returns whether an action is complete."""
-
-
-class Performer(Protocol):
-    """The part of the director that a trigger uses."""
-
-    def event(self, what: str, detail: dict[str, Any]) -> None:
-        """Record an event of a trigger."""
-        ...
-
-    def act(self, action: Action) -> IsComplete:
-        """Begin an action; return a function that says whether it is complete."""
-        ...
+Act = Callable[[Action], IsComplete]
+"""Function that begins an action and returns a function that says whether it is complete."""
+Note = Callable[[str, dict[str, Any]], None]
+"""Function that records an event with its details."""
 
 
 class Trigger:
@@ -38,10 +30,14 @@ class Trigger:
     When an `every` fires while its sequence is still running, the sequence starts again: orders of the old sequence
     continue until another order replaces them, but its remaining steps are dropped. While the condition has no outcome,
     nothing changes.
+
+    Attributes:
+        begin: begins an action.
     """
 
-    def __init__(self, index: int, when: When, conditions: Conditions, director: Performer) -> None:
-        self._index, self._when, self._conditions, self._director = index, when, conditions, director
+    def __init__(self, index: int, when: When, conditions: Conditions, begin: Act, note: Note) -> None:
+        self._index, self._when, self._conditions = index, when, conditions
+        self.begin, self._note = begin, note
         self.states: list[TriggerState] = []
         """The recorded states of the trigger, in order of time."""
         self._changed = True
@@ -94,10 +90,6 @@ class Trigger:
         """The time of the current frame, s."""
         return round(self._conditions.time_s, 6)
 
-    def begin(self, action: Action) -> IsComplete:
-        """Begin an action; return a function that says whether it is complete."""
-        return self._director.act(action)
-
     def watch(self, condition: Condition, place: Place) -> Watch:
         """Begin to watch a condition of the trigger (or of the step at `place`)."""
 
@@ -112,7 +104,7 @@ class Trigger:
         self._event(what, where=list(place))
 
     def _event(self, what: str, **detail: Any) -> None:  # noqa: ANN401  JSON values
-        self._director.event(what, {"index": self._index, **detail})
+        self._note(what, {"index": self._index, **detail})
         self._changed = True
 
 

@@ -29,7 +29,6 @@ from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.verdict import Nearest, UnfiredTrigger
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
-from foresee_dsl.simulate.sensing.sight import LinesOfSight
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace, X
 from foresee_dsl.simulate.triggers.condition_history import Watch
@@ -60,9 +59,8 @@ def unfired(
     bundle = compiled()
     replay = ConditionReplay(bundle, trace)
     sees = any(isinstance(part, m.Sees) for step in waiting for part in parts(step.condition))
-    eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
-    lines = LinesOfSight(replay)
-    conditions = Conditions(replay, bundle.signals, eyes=eyes, sightlines=lines)
+    sensing = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
+    conditions = Conditions(replay, bundle.signals, sensing)
     followed = [_Followed(step, conditions) for step in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)

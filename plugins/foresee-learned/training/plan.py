@@ -16,10 +16,11 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.exchange.outcome import write_text
 from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.project.addresses import scenario_files
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project, load_test_cases
-from foresee_dsl.language.sampling import draw, values_of
+from foresee_dsl.language.sampling import draw
 from training.driving import Disturbance
 from training.towns import drive, net_of, town_names
 
@@ -90,12 +91,12 @@ def _write_cases(file: Path, out: Path, count: int, seed: int) -> list[str]:
     fit together, so each case has those of a bundled case.
     """
     scenario = Project().whole_scenario(file, drawn=True)
-    templates = [values_of(scenario, case) for case in scenario.all(m.Case)]
+    templates = [case_values(scenario, case) for case in scenario.all(m.Case)]
     kept = {param.name for param in scenario.all(m.Param) if param.type in _PLACES}
     drawn = draw(scenario, m.Cases(count=m.Quantity.of(count, "count", 0), seed=m.Quantity.of(seed, "count", 0)))
     cases = []
     for k, case in enumerate(drawn):
-        values = dict(values_of(scenario, case))
+        values = dict(case_values(scenario, case))
         values |= {name: templates[k % len(templates)][name] for name in kept}
         assignments = tuple(m.Assignment(name=name, value=value) for name, value in values.items())
         cases.append(m.Case(name=f"drawn_{k:03d}", values=assignments))

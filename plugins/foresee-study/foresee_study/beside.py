@@ -11,7 +11,7 @@ from foresee_study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_
 from foresee_study.results import TOGETHER, Results
 from foresee_study.settings import CHOSEN_S
 from foresee_study.tables.effectiveness import where_collisions_lie
-from foresee_study.tables.table import Column, Row, RowKind, Table, Value
+from foresee_study.tables.table import Column, Row, Table, Value, section
 
 NEAR = 1.25
 """Factor within which two figures are called close. Ours."""
@@ -33,7 +33,7 @@ def beside(results: Results, question: str) -> Table:
             own = ours[driver][k]
             values += [figure.of(driver)[1], own.value if own else None, _ends(own)]
         if any(value is not None for value in values[1::3]):
-            rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))
+            rows.append(Row(f"{figure.title} ({figure.section})", tuple(values)))
     names = [f"{driver} stands for {STANDS_FOR[driver]}" for driver in results.drivers if driver in STANDS_FOR]
     others = (
         "Any other driver is compared with the paper's two together, or with InterFuser if there is no such figure."
@@ -59,12 +59,11 @@ def readings(results: Results) -> Table:
         together = len(ran[0]) > 1 and all(drivers == ran[0] for drivers in ran)
         for driver in (*results.drivers, *((TOGETHER,) if together else ())):
             lines = [
-                Row(f"{figure.what}{_behind(figure)}", (figure.of(driver)[1], *_values(ours)))
+                Row(figure.title, (figure.of(driver)[1], *_values(ours)))
                 for figure in FIGURES
                 if figure.question in {"rq2", "rq3"} and all(ours := [figure.ours(r, driver) for r in each])
             ]
-            if lines:
-                rows += [Row(driver, kind=RowKind.HEADING), *lines]
+            rows += section(driver, lines)
     readings_run = "; ".join(f"{name}: {_READINGS.get(name, 'see its preset')}" for name in results.readings)
     notes = (f"What the paper leaves open is read so, by preset: {readings_run}.",)
     return Table("rq2_readings", "RQ2 and RQ3: the paper's figures in each reading of its mutation", tuple(columns),
@@ -82,11 +81,6 @@ def _values(ours: list[Ours | None]) -> Iterator[Value]:
     for own in ours:
         yield own.value if own else None
         yield _ends(own)
-
-
-def _behind(figure: PaperFigure) -> str:
-    """Return the unit of a figure; "" if the description of the figure already contains it."""
-    return {Unit.SHARE: ", %", Unit.MORE: ", %", Unit.TIMES: ", times"}.get(figure.unit, "")
 
 
 def _ends(ours: Ours | None) -> Value:
@@ -125,7 +119,7 @@ def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[s
     if ours is None:
         return
     who = "all drivers together" if driver == TOGETHER else f"`{driver}`"
-    unit = {Unit.SHARE: " %", Unit.MORE: " %", Unit.TIMES: " times"}.get(figure.unit, "")
+    unit = figure.unit.sign
     ends = _ends(ours)
     between = f" ({ends})" if ends is not None else ""
     what = f"{figure.what[0].upper()}{figure.what[1:]}, {who}"

@@ -17,7 +17,7 @@ from foresee_dsl.files import replacing
 from foresee_study.curves import Clock, curve
 from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import CLIPS_S, POINTS
-from foresee_study.results import Results
+from foresee_study.results import Results, counts_of
 from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
 from foresee_study.statistics.bootstrap import resampled_sums
 from foresee_study.tables.rankers import shown_rankers
@@ -109,10 +109,7 @@ def _boxes(results: Results) -> Figure | None:
 
 def _box(axes: Axes, at: float, width: float, campaigns: Sequence[MeasuredCampaign], colour: str) -> None:
     names = sorted({case.name for m in campaigns for case in m.usable})
-    counts = {
-        (m.driver, m.repetition): {case.name: float(case.count(Counted.COLLISIONS)) for case in m.usable}
-        for m in campaigns
-    }
+    counts = counts_of(campaigns, lambda case: case.count(Counted.COLLISIONS))
     drawn = resampled_sums(counts, names) / len(campaigns)
     low, first, middle, third, high = np.percentile(drawn, [2.5, 25, 50, 75, 97.5])
     stats = [{"med": middle, "q1": first, "q3": third, "whislo": low, "whishi": high, "fliers": []}]

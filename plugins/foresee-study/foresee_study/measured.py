@@ -95,9 +95,16 @@ class MeasuredCase:
         return (child for clip in self.clips for child in clip.children)
 
     @property
+    def derived(self) -> Iterator[MeasuredClip | Child]:
+        """Its clips, each followed by its mutants."""
+        for clip in self.clips:
+            yield clip
+            yield from clip.children
+
+    @property
     def derived_s(self) -> float:
         """Return the simulated time of its clips and mutants, s."""
-        return sum(clip.simulated_s for clip in self.clips) + sum(child.simulated_s for child in self.children)
+        return sum(run.simulated_s for run in self.derived)
 
     @property
     def fails(self) -> bool:
@@ -202,18 +209,12 @@ class MeasuredCampaign:
         """Return the simulated time of clips and mutants, s, without the unmutated test cases, which are the same for
         each ranker.
         """
-        return sum(run.simulated_s for run in self._derived)
+        return sum(case.derived_s for case in self.usable)
 
     @property
     def wall_s(self) -> float:
         """Return the wall time of clips and mutants on one core, s."""
-        return sum(run.wall_s for run in self._derived)
-
-    @property
-    def _derived(self) -> Iterator[MeasuredClip | Child]:
-        for clip in (clip for case in self.usable for clip in case.clips):
-            yield clip
-            yield from clip.children
+        return sum(run.wall_s for case in self.usable for run in case.derived)
 
 
 def avoided(measured: MeasuredCampaign, who: str) -> int:

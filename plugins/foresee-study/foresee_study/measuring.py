@@ -26,7 +26,7 @@ from foresee_study.settings import StudyCampaign
 def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCampaign:
     """Return the results of a campaign in its store; missing steps are left out."""
     settings = stages.settings
-    result = assemble(stages, stages.out)
+    result, _ = assemble(stages, stages.out)
     rows = {(node.step.kind, node.step.name): row for node, row in stages.walk() if row is not None}
     wall_s = {step: row.wall_s for step, row in rows.items()}
     names = {node.case.id: node.step.name for node in stages.seeds}

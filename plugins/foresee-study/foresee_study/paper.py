@@ -6,8 +6,8 @@ The paper's two drivers have stand-ins here: `fusion_safe` for InterFuser, `fusi
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
@@ -17,8 +17,8 @@ import numpy as np
 from foresee_study.curves import compared_areas
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase
 from foresee_study.questions import HEAVY_WEATHER
-from foresee_study.results import TOGETHER, Results
-from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
+from foresee_study.results import TOGETHER, Results, counts_of
+from foresee_study.settings import CHOSEN_S, EXHAUSTIVE, POINTS
 from foresee_study.statistics.bootstrap import (
     Counts,
     Interval,
@@ -26,6 +26,7 @@ from foresee_study.statistics.bootstrap import (
     percentiles,
     ratio_interval,
     resampled_ratios,
+    sum_of,
 )
 from foresee_study.tables.complementarity import Iteration, iterations
 
@@ -37,21 +38,24 @@ the paper's two together, or with InterFuser if the paper has no such figure."""
 
 
 class Unit(StrEnum):
-    """The unit of a figure. `neutral`: the value that means no difference; NaN if there is none."""
+    """The unit of a figure. `neutral`: the value that means no difference; NaN if there is none. `sign`: what stands
+    behind a value; "" if the figure's description has the unit.
+    """
 
     neutral: float
+    sign: str
 
-    def __new__(cls, value: str, neutral: float) -> Unit:
+    def __new__(cls, value: str, neutral: float, sign: str) -> Unit:
         """Make a member."""
         unit = str.__new__(cls, value)
-        unit._value_, unit.neutral = value, neutral
+        unit._value_, unit.neutral, unit.sign = value, neutral, sign
         return unit
 
-    MORE = "% more", 0.0
-    TIMES = "times", 1.0
-    SHARE = "%", math.nan
-    RATE = "a risky point", math.nan
-    NUMBER = "", math.nan
+    MORE = "% more", 0.0, " %"
+    TIMES = "times", 1.0, " times"
+    SHARE = "%", math.nan, " %"
+    RATE = "a risky point", math.nan, ""
+    NUMBER = "", math.nan, ""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,11 @@ class PaperFigure:
     ours: Callable[[Results, str], Ours | None] = field(compare=False)
     headline: bool = True
 
+    @property
+    def title(self) -> str:
+        """Return the figure in words, with its unit."""
+        return f"{self.what},{self.unit.sign}" if self.unit.sign else self.what
+
     def of(self, driver: str) -> tuple[str, float]:
         """Return the driver of the paper that one of ours is compared with, and that driver's figure."""
         like = next(name for name in (driver, TOGETHER, "fusion_safe") if name in self.values)
@@ -94,32 +103,27 @@ def _drivers(results: Results, driver: str) -> tuple[str, ...]:
 
 
 def _campaigns(
-    results: Results, driver: str, ranker: str, clip_s: float, points: int = 4
+    results: Results, driver: str, ranker: str, clip_s: float = CHOSEN_S, points: int = POINTS, preset: str = ""
 ) -> tuple[MeasuredCampaign, ...]:
     return tuple(
-        m for name in _drivers(results, driver) for m in results.of_campaign(name, ranker, clip_s, points=points)
+        m
+        for name in _drivers(results, driver)
+        for m in results.of_campaign(name, ranker, clip_s, points=points, preset=preset)
     )
 
 
-def _in_common(results: Results, driver: str, ranker: str, clip_s: float) -> tuple[tuple[MeasuredCampaign, ...], ...]:
+def _in_common(
+    results: Results, driver: str, ranker: str, clip_s: float
+) -> tuple[tuple[MeasuredCampaign, ...], tuple[MeasuredCampaign, ...]]:
     """Return foresee's campaigns and another ranker's, for the drivers and repetitions that both rankers have."""
-    sides = [_campaigns(results, driver, name, clip_s) for name in ("foresee", ranker)]
-    common = {(m.driver, m.repetition) for m in sides[0]} & {(m.driver, m.repetition) for m in sides[1]}
-    return tuple(tuple(m for m in side if (m.driver, m.repetition) in common) for side in sides)
-
-
-def _counts(
-    campaigns: Iterable[MeasuredCampaign], value: Callable[[MeasuredCase], float], *, divided_by: int = 1
-) -> Counts:
-    """Return a value of each usable test case, by driver and repetition, divided by a number."""
-    return {
-        (measured.driver, measured.repetition): {case.name: value(case) / divided_by for case in measured.usable}
-        for measured in campaigns
-    }
+    own, theirs = (_campaigns(results, driver, name, clip_s) for name in ("foresee", ranker))
+    common = {(m.driver, m.repetition) for m in own} & {(m.driver, m.repetition) for m in theirs}
+    own, theirs = (tuple(m for m in side if (m.driver, m.repetition) in common) for side in (own, theirs))
+    return own, theirs
 
 
 def _ratio(above: Counts, below: Counts) -> Ours | None:
-    over, under = (sum(sum(own.values()) for own in counts.values()) for counts in (above, below))
+    over, under = sum_of(above), sum_of(below)
     return Ours(over / under, ratio_interval(above, below)) if under else None
 
 
@@ -136,7 +140,7 @@ def a_risky_point(ranker: str, clip_s: float, points: int) -> Callable[[Results,
 
     def ours(results: Results, driver: str) -> Ours | None:
         campaigns = _campaigns(results, driver, ranker, clip_s, points)
-        return _ratio(_counts(campaigns, _collisions), _counts(campaigns, lambda case: float(len(case.clips))))
+        return _ratio(counts_of(campaigns, _collisions), counts_of(campaigns, lambda case: float(len(case.clips))))
 
     return ours
 
@@ -154,8 +158,8 @@ def of_exhaustive(clip_s: float) -> Callable[[Results, str], Ours | None]:
         for name in _drivers(results, driver):
             ranked, searched = (_campaigns(results, name, ranker, clip_s) for ranker in ("foresee", EXHAUSTIVE))
             if ranked and searched:
-                own |= _counts(ranked, _collisions, divided_by=len(ranked))
-                everything |= _counts(searched, _collisions, divided_by=len(searched))
+                own |= counts_of(ranked, _collisions, divided_by=len(ranked))
+                everything |= counts_of(searched, _collisions, divided_by=len(searched))
         return _scaled(_ratio(own, everything), 100)
 
     return ours
@@ -166,7 +170,7 @@ def more_than(ranker: str) -> Callable[[Results, str], Ours | None]:
 
     def ours(results: Results, driver: str) -> Ours | None:
         own, theirs = _in_common(results, driver, ranker, CHOSEN_S)
-        return _scaled(_ratio(_counts(own, _collisions), _counts(theirs, _collisions)), 100, less=100)
+        return _scaled(_ratio(counts_of(own, _collisions), counts_of(theirs, _collisions)), 100, less=100)
 
     return ours
 
@@ -184,7 +188,7 @@ def more_an_hour(clip_s: float) -> Callable[[Results, str], Ours | None]:
         own = tuple(m for m in _campaigns(results, driver, "foresee", clip_s) if m.driver in searched)
         rates, drawn = [], []
         for campaigns in (own, everything):
-            collisions, hours = (_counts(campaigns, value) for value in (_collisions, _hours))
+            collisions, hours = (counts_of(campaigns, value) for value in (_collisions, _hours))
             rates.append(_ratio(collisions, hours))
             drawn.append(resampled_ratios(collisions, hours))
         if rates[0] is None or rates[1] is None or not rates[1].value:
@@ -200,13 +204,10 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
     """Return a function that divides foresee's area under the curve by a ranker's, up to the earlier end."""
 
     def ours(results: Results, driver: str) -> Ours | None:
-        sides = [_campaigns(results, driver, name, CHOSEN_S) for name in ("foresee", ranker)]
-        both = [
-            (a, b) for a in sides[0] for b in sides[1] if (a.driver, a.repetition) == (b.driver, b.repetition)
-        ]  # fmt: skip
-        if not both:
+        sides = _in_common(results, driver, ranker, CHOSEN_S)
+        if not sides[0]:
             return None
-        areas, _ = compared_areas([a for a, _ in both], [b for _, b in both])
+        areas, _ = compared_areas(*sides)
         return None if math.isnan(areas.ratio) else Ours(areas.ratio, areas.interval)
 
     return ours
@@ -214,25 +215,29 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
 
 def of_drivefuzz(results: Results, driver: str) -> Ours | None:
     """Return how many further failing test cases foresee finds, % of DriveFuzz's failing test cases."""
-    ours, theirs = Counter[tuple[Repetition, str]](), Counter[tuple[Repetition, str]]()
-    for repetition, iteration in _iterations(results, driver):
-        for case in iteration.forecast.cases:
-            ours[repetition, case.name] += case.name in iteration.split.forecast
-            theirs[repetition, case.name] += case.name in iteration.split.fuzzed
-    return _scaled(_ratio(_by_repetition(ours), _by_repetition(theirs)), 100)
+    return _of_drivefuzz(results, driver, lambda iteration, case: case.name in iteration.split.forecast)
 
 
 def children_of_drivefuzz(results: Results, driver: str) -> Ours | None:
     """Return foresee's failing mutants in test cases in which DriveFuzz found no failure, % of DriveFuzz's failing test
     cases.
     """
-    ours, theirs = Counter[tuple[Repetition, str]](), Counter[tuple[Repetition, str]]()
+
+    def failing(iteration: Iteration, case: MeasuredCase) -> int:
+        searched = case.name in iteration.split.forecast | iteration.split.left
+        return sum(child.verdict.is_failure for child in case.children) if searched else 0
+
+    return _of_drivefuzz(results, driver, failing)
+
+
+def _of_drivefuzz(results: Results, driver: str, count: Callable[[Iteration, MeasuredCase], int]) -> Ours | None:
+    ours: defaultdict[Repetition, Counter[str]] = defaultdict(Counter)
+    theirs: defaultdict[Repetition, Counter[str]] = defaultdict(Counter)
     for repetition, iteration in _iterations(results, driver):
         for case in iteration.forecast.cases:
-            theirs[repetition, case.name] += case.name in iteration.split.fuzzed
-        for case in iteration.forecast_on_rest.cases:
-            ours[repetition, case.name] += sum(child.verdict.is_failure for child in case.children)
-    return _scaled(_ratio(_by_repetition(ours), _by_repetition(theirs)), 100)
+            ours[repetition][case.name] += count(iteration, case)
+            theirs[repetition][case.name] += case.name in iteration.split.fuzzed
+    return _scaled(_ratio(ours, theirs), 100)
 
 
 def _iterations(results: Results, driver: str) -> Iterator[tuple[Repetition, Iteration]]:
@@ -242,19 +247,11 @@ def _iterations(results: Results, driver: str) -> Iterator[tuple[Repetition, Ite
             yield from (((name, both[0].forecast.repetition), iteration) for iteration in both)
 
 
-def _by_repetition(counts: Mapping[tuple[Repetition, str], int]) -> Counts:
-    sums: dict[Repetition, dict[str, float]] = {}
-    for (repetition, case), count in counts.items():
-        sums.setdefault(repetition, {})[case] = float(count)
-    return sums
-
-
 def weather_collisions(results: Results, driver: str) -> Ours | None:
     """Return the share of clips that collide in heavy weather, %."""
-    campaigns = tuple(m for name in _drivers(results, driver)
-                  for m in results.of_campaign(name, "foresee", preset=HEAVY_WEATHER))  # fmt: skip
-    children = _counts(campaigns, lambda case: float(len(list(case.children))))
-    return _scaled(_ratio(_counts(campaigns, _collisions), children), 100)
+    campaigns = _campaigns(results, driver, "foresee", preset=HEAVY_WEATHER)
+    children = counts_of(campaigns, lambda case: float(len(list(case.children))))
+    return _scaled(_ratio(counts_of(campaigns, _collisions), children), 100)
 
 
 def _scaled(ours: Ours | None, by: float, *, less: float = 0.0) -> Ours | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Store
-from foresee_dsl.documents import rounded
+from foresee_dsl.documents import every_field
 from foresee_study.questions import wanted_by
 from foresee_study.running import Cases, stages_of, watched
 from foresee_study.settings import BUNDLED, StudyCampaign, StudySettings
@@ -23,7 +23,7 @@ class QuestionPlan:
         campaigns: number of its campaigns.
         done, to_run: number of stored runs, and of missing runs that are certain.
         at_most_more: maximum number of runs that may follow from these.
-        longest_s: maximum time of all missing runs on one core, s.
+        one_core_s: maximum time of all missing runs on one core, s.
     """
 
     question: str
@@ -31,18 +31,11 @@ class QuestionPlan:
     done: int
     to_run: int
     at_most_more: int
-    longest_s: float
+    one_core_s: float
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {
-            "question": self.question,
-            "campaigns": self.campaigns,
-            "done": self.done,
-            "to_run": self.to_run,
-            "at_most_more": self.at_most_more,
-            "one_core_s": rounded(self.longest_s, 1),
-        }
+        return every_field(self, 1)
 
 
 def plan_study(

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from foresee_study.folder import StudyFolder
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.halves import Half
-from foresee_study.measured import Counted, MeasuredCampaign
+from foresee_study.measured import Counted, MeasuredCampaign, MeasuredCase
 from foresee_study.questions import HEAVY_WEATHER
 from foresee_study.settings import BUNDLED, CHOSEN_S, DRIVERS, EXHAUSTIVE, POINTS, RANKERS, SECOND_ITERATION
 from foresee_study.statistics import Pair
+from foresee_study.statistics.bootstrap import Counts
 
 TOGETHER = "all"
 """The name that stands for all drivers together."""
@@ -123,17 +124,17 @@ class Results:
         """Return the units on which two rankers are compared, with one driver or with all drivers; a unit is a usable
         test case in one repetition."""
         names = self.drivers if driver == TOGETHER else (driver,)
-        return [pair for name in names for pair in self._pairs(name, first, second, what, clip_s, points)]
-
-    def _pairs(self, driver: str, first: str, second: str, what: Counted, clip_s: float, points: int) -> Iterator[Pair]:
-        sides = [
-            {m.repetition: {c.name: c for c in m.usable} for m in self.of_campaign(driver, r, clip_s, points=points)}
-            for r in (first, second)
-        ]
-        for repetition in sorted(sides[0].keys() & sides[1].keys()):
-            own, other = sides[0][repetition], sides[1][repetition]
-            for name in sorted(own.keys() & other.keys()):
-                yield Pair(name, repetition, own[name].count(what), other[name].count(what), driver)
+        own, other = (
+            {
+                (name, m.repetition, case.name): case.count(what)
+                for name in names
+                for m in self.of_campaign(name, ranker, clip_s, points=points)
+                for case in m.usable
+            }
+            for ranker in (first, second)
+        )
+        units = sorted(own.keys() & other.keys(), key=lambda unit: (names.index(unit[0]), *unit[1:]))
+        return [Pair(unit[2], unit[1], own[unit], other[unit], unit[0]) for unit in units]
 
 
 def paired(
@@ -161,6 +162,16 @@ def _of_half(measured: MeasuredCampaign, half: Half) -> MeasuredCampaign:
     if half is Half.ALL or measured.group != BUNDLED:
         return measured
     return replace(measured, cases=tuple(case for case in measured.cases if case.half is half))
+
+
+def counts_of(
+    campaigns: Iterable[MeasuredCampaign], value: Callable[[MeasuredCase], float], *, divided_by: int = 1
+) -> Counts:
+    """Return a value of each usable test case, by driver and repetition, divided by a number."""
+    return {
+        (measured.driver, measured.repetition): {case.name: value(case) / divided_by for case in measured.usable}
+        for measured in campaigns
+    }
 
 
 def mean(values: Iterable[float]) -> float | None:

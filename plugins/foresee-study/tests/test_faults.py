@@ -6,6 +6,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,9 +23,12 @@ from foresee_study.faults.searching import Search, searched
 from foresee_study.faults.table import Benchmark, as_json, as_markdown
 from foresee_study.halves import Half, of_half
 
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
 from foresee_dsl.campaign.keys import driver_identity
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.consent import allow
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.drivers.parts import DriverPart
@@ -32,6 +36,7 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
+from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.runner import run
 
@@ -229,12 +234,11 @@ def test_halves_are_apart_and_small_samples_have_all_families(bundled: list[Test
     assert len({case.family for case in bundled[:10]}) == len({case.family for case in bundled})
 
 
-def test_an_approach_that_is_not_there_is_named() -> None:
+def test_every_approach_is_a_campaign_that_this_version_can_run() -> None:
     assert all(name in APPROACHES for name in DEFAULT)
-    assert not APPROACHES["plain"].missing and not APPROACHES["foresee"].missing
-    assert "ranker" in Approach("x", {"ranker": "tarot"}).missing
-    assert "preset" in Approach("x", {"preset": "tarot"}).missing
-    assert "setting" in Approach("x", {"tarot": 1}).missing
+    for approach in APPROACHES.values():
+        settings = replace(CampaignSettings(), **(approach.settings or {}))
+        assert settings.ranker in RANKERS.names() and settings.preset in PRESETS
 
 
 # ---- a search -------------------------------------------------------------------------------------------------------
@@ -263,7 +267,7 @@ def test_a_search_ends_with_its_time_and_is_not_done_twice(bundled: list[TestCas
 def test_a_diagnosis_names_the_part_with_the_fault(bundled: list[TestCase]) -> None:
     case = next(case for case in bundled if name(case) == "scenario7.foresee::r04")
     driver = plug_in_path.address("pdm/late_objects", 1.0)
-    (result,) = diagnose([Failing(name(case), case, driver, 0)])
+    (result,) = diagnose([Failing(name(case), case, DriverSetup(driver))])
     assert result.diagnosis is not None
     assert result.diagnosis.cause == (KINDS["late_objects"].part,) == (DriverPart.PERCEPTION,)
     table = causes_table([Named("pdm/late_objects", name(case), "perception", "perception", result.diagnosis.text)])

@@ -374,6 +374,6 @@ def test_a_plan_takes_into_account_that_other_drivers_are_slower() -> None:
 
     def longest_s(driver: str) -> float:
         asked = StudySettings(drivers=(driver,), rankers=("foresee",), repetitions=1)
-        return plan_study(["rq2"], asked, cases, None)[0].longest_s
+        return plan_study(["rq2"], asked, cases, None)[0].one_core_s
 
     assert longest_s("frenetix") == pytest.approx(2.5 * longest_s("pdm"))

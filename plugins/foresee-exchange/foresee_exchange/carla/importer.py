@@ -13,7 +13,7 @@ from pathlib import Path
 
 from foresee_dsl.compile.bundle import ModelSpec, Signal
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
+from foresee_dsl.compile.foreign.geometry_repair import repair_overlaps
 from foresee_dsl.compile.foreign.networks import close_parking, foreign_net, write_net
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import read_net_once

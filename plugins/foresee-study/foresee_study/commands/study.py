@@ -335,7 +335,7 @@ def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Pa
         for note in notes:
             screen.print(note, markup=False)
         rows = [
-            (p.question, p.campaigns, p.done, p.to_run, p.at_most_more, duration(p.longest_s / jobs)) for p in plans
+            (p.question, p.campaigns, p.done, p.to_run, p.at_most_more, duration(p.one_core_s / jobs)) for p in plans
         ]
         heads = ("question", "campaigns", "runs done", "to run", "at most more", f"at most, {jobs} workers")
         screen.print(plain_table(heads, rows))

@@ -96,16 +96,14 @@ def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchma
     `write` is called with the results so far after each fault.
     """
     started = time.monotonic()
-    usable = tuple(approach for approach in plan.approaches if not approach.missing)
-    skipped = [f"the approach {item.name}: {item.missing}" for item in plan.approaches if item.missing]
     cases = _cases_of(plan, say)
-    skipped += [f"the fault {fault}: it has no effect in any test case" for fault in plan.faults if not cases[fault]]
+    skipped = [f"the fault {fault}: it has no effect in any test case" for fault in plan.faults if not cases[fault]]
     for line in skipped:
         say(line)
     # All approaches search for a fault before the next fault begins, and the faults are in mixed order: if time runs
     # out, the results so far can be compared.
     faults = sorted((fault for fault in plan.faults if cases[fault]), key=_mixed)
-    chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
+    chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in plan.approaches]
     done: dict[str, list[_Searched]] = defaultdict(list)
     late: set[str] = set()
     for number, (chain, search) in enumerate(_spread(plan.jobs, _search, chains), start=1):
@@ -119,24 +117,23 @@ def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchma
             strengths = ", ".join(f"{evidence.strength:g}" for evidence in search.evidences)
             say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {search.threshold:g} on "
                 f"(tried {strengths}; {time.monotonic() - started:.0f} s)")  # fmt: skip
-            if len(done[chain.fault]) == len(usable):
-                write(_benchmark(plan, usable, cases, done, skipped))
+            if len(done[chain.fault]) == len(plan.approaches):
+                write(_benchmark(plan, cases, done, skipped))
     if late:
         skipped.append(f"{len(late)} of {len(faults)} faults, because time ran out: {', '.join(sorted(late))}")
-    result = _benchmark(plan, usable, cases, done, skipped)
+    result = _benchmark(plan, cases, done, skipped)
     write(result)
     return result
 
 
 def _benchmark(
     plan: Plan,
-    usable: Sequence[Approach],
     cases: Mapping[str, tuple[str, ...]],
     done: Mapping[str, Sequence[_Searched]],
     skipped: Sequence[str],
 ) -> Benchmark:
     """Return the figures of the faults for which all approaches have searched."""
-    order = [approach.name for approach in usable]
+    order = [approach.name for approach in plan.approaches]
     faults = tuple(fault for fault in plan.faults if len(done.get(fault, ())) == len(order) > 0)
     searches = [
         search for fault in faults for search in sorted(done[fault], key=lambda search: order.index(search.approach))

@@ -10,15 +10,14 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.findings.diagnosing import Failing, diagnose
 from foresee_dsl.drivers.parts import DriverPart
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.faults.plug_in_path import address, healthy
 from foresee_study.faults.sampling import library, name
+from foresee_study.faults.table import table_lines
 from foresee_study.halves import Half
 
 NONE = "none"
@@ -66,19 +65,21 @@ def measure_causes(
             for each fault.
     """
     pool = library(half)
-    passing = _Passing()
+    passes: dict[tuple[str, str], bool] = {}
     failing: list[tuple[str, str, Failing]] = []
     for fault in faults:
-        driver, count = address(fault, strength), 0
+        driver, own, count = address(fault, strength), healthy(fault), 0
         for case in pool[:cases]:
             if count == failures or time.time() > ends_s:
                 break
-            if not passing.passes(case, healthy(fault)):
+            if (case.id, own) not in passes:
+                passes[case.id, own] = run_test_case(case, own, 0).verdict is Verdict.PASS
+            if not passes[case.id, own]:
                 continue
             verdict = run_test_case(case, driver, 0).verdict
             if verdict.is_failure:
                 count += 1
-                failing.append((fault, name(case), Failing(name(case), case, driver, 0)))
+                failing.append((fault, name(case), Failing(name(case), case, DriverSetup(driver))))
         say(f"{fault}: {count} failures")
     named = []
     for (fault, case_name, _), result in zip(failing, diagnose([each for *_, each in failing], jobs), strict=True):
@@ -92,20 +93,6 @@ def measure_causes(
     return tuple(named)
 
 
-class _Passing:
-    """Finds out which test cases the healthy drivers pass; each test case is driven once."""
-
-    def __init__(self) -> None:
-        self._passes: dict[tuple[str, str], bool] = {}
-
-    def passes(self, case: TestCase, driver: str) -> bool:
-        """Return whether a healthy driver passes a test case."""
-        key = case.id, driver
-        if key not in self._passes:
-            self._passes[key] = run_test_case(case, driver, 0).verdict is Verdict.PASS
-        return self._passes[key]
-
-
 def causes_table(named: Sequence[Named]) -> str:
     """Return the confusion table as Markdown: the parts with the faults, and the parts that the diagnoses name."""
     columns = [*map(str, DriverPart), SEVERAL, NONE]
@@ -114,19 +101,13 @@ def causes_table(named: Sequence[Named]) -> str:
     for right in (*map(str, DriverPart), NONE):
         total = sum(counts[right, column] for column in columns)
         if total:
-            cells = [str(counts[right, column] or "") for column in columns]
-            rows.append(f"| {right} | {' | '.join(cells)} | {counts[right, right]} of {total} |")
+            cells = (str(counts[right, column] or "") for column in columns)
+            rows.append((right, *cells, f"{counts[right, right]} of {total}"))
     right_ones = sum(each.right == each.answer for each in named)
     with_part = [each for each in named if each.right != NONE]
     of_parts = sum(each.right == each.answer for each in with_part)
-    head = ["part with the fault", *columns, "right"]
     return "\n".join([
-        f"| {' | '.join(head)} |", "|" + " --- |" * len(head), *rows, "",
+        *table_lines(("part with the fault", *columns, "right"), rows), "",
         f"Right: {right_ones} of {len(named)}; "
         f"of faults in a part that can be replaced {of_parts} of {len(with_part)}.",
     ])  # fmt: skip
-
-
-def causes_json(named: Sequence[Named]) -> list[dict[str, Any]]:
-    """Return the diagnosed failures as JSON data."""
-    return [vars(each).copy() for each in named]

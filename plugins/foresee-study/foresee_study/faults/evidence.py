@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of them"
 """Names of the judges that are not a single driver: two driver models, whether any judging driver avoids the failure,
@@ -93,16 +96,9 @@ def load(file: Path, key: str) -> Evidence | None:
     if not file.is_file():
         return None
     stored: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return _evidence(stored) if stored.pop("key") == key else None
+    return _adapter().validate_python(stored) if stored.pop("key") == key else None
 
 
-def _evidence(stored: dict[str, Any]) -> Evidence:
-    runs = tuple(
-        ApproachRun(run["kind"], run["simulated_s"], _failure(run["failure"]) if run["failure"] else None)
-        for run in stored.pop("runs")
-    )
-    return Evidence(runs=runs, **stored)
-
-
-def _failure(stored: dict[str, Any]) -> Failure:
-    return Failure(**{**stored, "finding": tuple(stored["finding"])})
+@cache
+def _adapter() -> TypeAdapter[Evidence]:
+    return TypeAdapter(Evidence)

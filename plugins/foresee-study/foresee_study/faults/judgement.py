@@ -7,35 +7,33 @@ that the healthy driver has itself are the others. Chance may decide such a labe
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from foresee_dsl.avoidance.comparison import compared
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps.case_reference import drive_failure
 from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
-from foresee_dsl.campaign.steps.referring import driven
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_study.faults.measures import Confusion
 from foresee_study.faults.plug_in_path import address
+from foresee_study.faults.table import table_lines
 
 HEALTHY = "pdm"
 """The driver into which the faults are seeded."""
@@ -129,9 +127,8 @@ def _of_faults(
 
 
 def _judged(child: ChildOutcome, case: TestCase, parent: TestCase, driver: str, fault: str) -> Iterator[JudgedFailure]:
-    outcome, failed = run_child(
-        mutant_of(child.text), parent, Path(child.file), driver=driver, seed=0, rules=RulesMode.OFF
-    )
+    setup = DriverSetup(driver, rules=RulesMode.OFF)
+    outcome, failed = run_child(mutant_of(child.text), parent, Path(child.file), setup)
     references = tuple(_reference(witness, case, parent, failed) for witness in WITNESSES)
     judgement = replace(outcome, references=references).responsibility
     if judgement is None:
@@ -145,11 +142,8 @@ def _judged(child: ChildOutcome, case: TestCase, parent: TestCase, driver: str, 
 
 def _reference(witness: str, case: TestCase, parent: TestCase, failed: RunResult) -> ReferenceRun:
     """Return a reference driver's run of a failing mutant."""
-
-    def before() -> Verdict:
-        return run_test_case(parent, witness, 0, rules=RulesMode.OFF).verdict
-
-    run, _ = driven(witness, case, before, failed.trace, seed=0, deadlines=DEADLINES, rules=RulesMode.OFF)
+    setup = DriverSetup(witness, rules=RulesMode.OFF)
+    run, _ = drive_failure(setup, case, lambda: setup.run(parent).verdict, failed.trace)
     return run
 
 
@@ -173,23 +167,12 @@ def _healthy(case: TestCase, seed: int) -> RunResult:
     return run_test_case(case, HEALTHY, seed, rules=RulesMode.OFF)
 
 
-def confusion_of(failures: Sequence[JudgedFailure]) -> Confusion:
-    """Return how often the judgement `driver` agrees with the labels."""
-    counts = Counter((bool(each.fault), each.word is Whose.DRIVER) for each in failures)
-    return Confusion(counts[True, True], counts[False, True], counts[False, False], counts[True, False], 0)
-
-
 def judgement_table(failures: Sequence[JudgedFailure]) -> str:
     """Return the accuracy for all failures, and for those whose label does not depend on chance, as Markdown."""
-    lines = ["| failures | the fault's, called the driver's | others, called something else | balanced accuracy |"]
-    lines.append("|" + " --- |" * 4)
+    rows = []
     for words, part in (("all", failures), ("with steady labels", [each for each in failures if each.steady])):
-        c = confusion_of(part)
+        c = Confusion.of([(bool(each.fault), each.word is Whose.DRIVER) for each in part])
         own, others = f"{c.true_yes} of {c.true_yes + c.false_no}", f"{c.true_no} of {c.true_no + c.false_yes}"
-        lines.append(f"| {words} | {own} | {others} | {'-' if c.balanced is None else f'{c.balanced:.0%}'} |")
-    return "\n".join(lines)
-
-
-def judgement_json(failures: Sequence[JudgedFailure]) -> list[dict[str, Any]]:
-    """Return the judged failures as JSON data."""
-    return [vars(each).copy() for each in failures]
+        rows.append((words, own, others, "-" if c.balanced is None else f"{c.balanced:.0%}"))
+    head = ("failures", "the fault's, called the driver's", "others, called something else", "balanced accuracy")
+    return "\n".join(table_lines(head, rows))

@@ -140,6 +140,13 @@ class Confusion:
     false_no: int
     open: int
 
+    @classmethod
+    def of(cls, answers: Sequence[tuple[bool, bool | None]]) -> Confusion:
+        """Count the answers of a judge, each with whether the fault causes the failure."""
+        counts = Counter((own, bool(answer)) for own, answer in answers)
+        undecided = sum(answer is None for _, answer in answers)
+        return cls(counts[True, True], counts[False, True], counts[False, False], counts[True, False], undecided)
+
     @property
     def balanced(self) -> float | None:
         """Return the balanced accuracy: the mean of the shares of right answers for the fault's failures and for the
@@ -163,14 +170,11 @@ class Confusion:
 
 def confusions(failures: Iterable[Failure]) -> dict[str, Confusion]:
     """Return, for each judge, its agreement with the ground truth over the failures that it judged."""
-    counts: dict[str, Counter[str]] = defaultdict(Counter)
+    answers: dict[str, list[tuple[bool, bool | None]]] = defaultdict(list)
     for failure in failures:
         for judge, answer in failure.verdicts.items():
-            called, right = bool(answer), bool(answer) == failure.is_the_faults
-            counts[judge][f"{'true' if right else 'false'}_{'yes' if called else 'no'}"] += 1
-            counts[judge]["open"] += answer is None
-    names = ("true_yes", "false_yes", "true_no", "false_no", "open")
-    return {judge: Confusion(*(numbers[name] for name in names)) for judge, numbers in counts.items()}
+            answers[judge].append((failure.is_the_faults, answer))
+    return {judge: Confusion.of(own) for judge, own in answers.items()}
 
 
 def median(values: Iterable[float | None]) -> float | None:

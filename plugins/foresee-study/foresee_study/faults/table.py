@@ -123,7 +123,7 @@ def _summary(benchmark: Benchmark) -> list[str]:
         "precision (median)", "(least)", "(pooled)", "of findings (median)", "of what is called avoidable (median)",
         "(least)", "the fault's findings", "recall (median)", "first, s (median)", "simulated, s",
     )  # fmt: skip
-    return ["## Approaches", "", *_table(head, rows), ""]
+    return ["## Approaches", "", *table_lines(head, rows), ""]
 
 
 def _verdicts(benchmark: Benchmark) -> list[str]:
@@ -136,7 +136,7 @@ def _verdicts(benchmark: Benchmark) -> list[str]:
         "verdict", "balanced accuracy", "precision", "recall", "the fault's, avoidable", "other, avoidable",
         "other, unavoidable", "the fault's, unavoidable", "undecided",
     )  # fmt: skip
-    return ["## Verdicts against the ground truth", "", *_table(head, rows), ""]
+    return ["## Verdicts against the ground truth", "", *table_lines(head, rows), ""]
 
 
 def _faults(benchmark: Benchmark) -> list[str]:
@@ -156,10 +156,11 @@ def _faults(benchmark: Benchmark) -> list[str]:
             counts = f"{score.the_faults}/{score.failing}" if score is not None else "-"
             cells.append(f"{_strength(benchmark.thresholds.get((fault, name), math.inf))}; {counts}")
         rows.append((fault, str(benchmark.cases[fault]), *cells))
-    return [*lines, *_table(("fault", "cases", *benchmark.approaches), rows)]
+    return [*lines, *table_lines(("fault", "cases", *benchmark.approaches), rows)]
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a Markdown table."""
     return [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}", *(f"| {' | '.join(row)} |" for row in rows)]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.documents import rounded
+from foresee_dsl.documents import every_field
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.results.near_misses import near_misses
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEER, STEP_S, YAW_RATE, Trace
@@ -58,14 +58,7 @@ class Quality:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {
-            "hard_acceleration": self.hard_acceleration,
-            "hard_braking": self.hard_braking,
-            "hard_turning": self.hard_turning,
-            "oversteer": self.oversteer,
-            "understeer": self.understeer,
-            "nearness": rounded(self.nearness, 4),
-        }
+        return every_field(self, 4)
 
     @property
     def score(self) -> float:

@@ -9,7 +9,7 @@ from functools import cache
 
 from pydantic import TypeAdapter
 
-from foresee_dsl.documents import or_null, plain, rounded
+from foresee_dsl.documents import every_field, or_null, plain, rounded
 from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_study.fuzz.quality import Quality
@@ -121,10 +121,10 @@ class FuzzedCase:
             "verdict": self.verdict,
             "reason": self.reason,
             "usable": self.usable,
-            "failure": self.failure,
+            "failure": self.failed and self.failed.name,
             "runs": self.runs,
             "simulated_s": rounded(self.simulated_s, 2),
-            "last": self.last,
+            "last": self.worst and self.worst.address,
             "passing": self.passing,
             "cycles": self.cycles,
         }
@@ -155,11 +155,6 @@ class FuzzedCase:
         return next((run for run in self.every if run.outcome.verdict.is_failure), None)
 
     @property
-    def failure(self) -> str | None:
-        """Return the name of the failing mutation, for documents."""
-        return self.failed.name if self.failed is not None else None
-
-    @property
     def passed(self) -> tuple[FuzzRun, ...]:
         """Return the mutated test cases that pass."""
         return tuple(run for run in self.every if run.outcome.verdict is Verdict.PASS)
@@ -174,11 +169,6 @@ class FuzzedCase:
         """Return the passing drive with the lowest score in the last cycle that has one; None if there is none."""
         chosen = [run for cycle in self.cycles for run in cycle.runs if run.number == cycle.chosen]
         return next((run for run in reversed(chosen) if run.outcome.verdict is Verdict.PASS), None)
-
-    @property
-    def last(self) -> str | None:
-        """Return the address of `worst`, for documents."""
-        return self.worst.address if self.worst is not None else None
 
     @property
     def runs(self) -> int:
@@ -259,12 +249,7 @@ class CycleMean:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {
-            "cycle": self.cycle,
-            "seeds": self.seeds,
-            "failures": self.failures,
-            "mean_best": rounded(self.mean_best, 4),
-        }
+        return every_field(self, 4)
 
 
 def encode(outcome: MutatedRun) -> bytes:

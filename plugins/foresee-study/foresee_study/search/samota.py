@@ -182,14 +182,7 @@ def _radial(points: FloatArray, margins: FloatArray) -> Predicted:
 
 def _clusters(points: FloatArray, near: float) -> list[IntArray]:
     """Return the groups of points that are connected by steps of at most `near`."""
+    import networkx as nx
+
     linked = np.linalg.norm(points[:, None] - points[None], axis=2) <= near
-    left, groups = set(range(len(points))), []
-    while left:
-        group, ahead = {min(left)}, [min(left)]
-        while ahead:
-            following = {int(k) for k in np.flatnonzero(linked[ahead.pop()])} - group
-            group |= following
-            ahead += sorted(following)
-        left -= group
-        groups.append(np.array(sorted(group), dtype=np.intp))
-    return groups
+    return [np.array(sorted(group), dtype=np.intp) for group in nx.connected_components(nx.from_numpy_array(linked))]

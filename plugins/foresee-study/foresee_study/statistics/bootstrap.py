@@ -35,6 +35,11 @@ class Interval(NamedTuple):
     high: float
 
 
+def sum_of(counts: Counts) -> float:
+    """Return the sum over all test cases and repetitions."""
+    return sum(sum(own.values()) for own in counts.values())
+
+
 def ratio_interval(numerators: Counts, denominators: Counts) -> Interval:
     """Return the interval of the ratio of two sums over all test cases and repetitions."""
     return percentiles(resampled_ratios(numerators, denominators))

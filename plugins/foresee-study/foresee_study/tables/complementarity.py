@@ -9,7 +9,7 @@ from foresee_study.complementing import Split, split
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.measured import MeasuredCampaign
 from foresee_study.results import Results, mean
-from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows
+from foresee_study.tables.table import Column, Row, Table, Value, family_rows, section
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,6 @@ def _added(results: Results) -> Table:
     rows: list[Row] = []
     for driver in results.drivers:
         done = iterations(results, driver)
-        if not done:
-            continue
         lines = [tuple(_numbers(done, family)) for family in results.families]
         rows += family_rows(driver, results.families, lines, _with_shares)
     notes = (
@@ -115,13 +113,9 @@ def _costs(results: Results) -> Table:
     columns += (Column("failing children", ("foresee",)),)
     rows: list[Row] = []
     for driver in results.drivers:
-        lines = []
-        for k, number in enumerate(("Iteration 1", "Iteration 2")):
-            own = [both[k] for both in iterations(results, driver)]
-            if own:
-                lines.append(Row(number, tuple(_cost(own))))
-        if lines:
-            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+        done = iterations(results, driver)
+        lines = [Row(f"Iteration {k + 1}", tuple(_cost([both[k] for both in done]))) for k in (0, 1) if done]
+        rows += section(driver, lines)
     note = "For foresee, clips and children of the test cases that it searched are counted. Means of the repetitions."
     return Table("rq4_costs", "RQ4: cost of both techniques", columns, tuple(rows), notes=(note,))
 

@@ -14,7 +14,7 @@ from foresee_study.results import Results, mean, mean_count, total
 from foresee_study.settings import EXHAUSTIVE
 from foresee_study.statistics import compare
 from foresee_study.tables.comparing import Compared, comparison_table
-from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows
+from foresee_study.tables.table import Column, Row, RowKind, Table, Value, family_rows, section
 
 NOTES = (
     "#RPs: risky points, one clip each; #C: collisions (F1 to F5) among their children; both are "
@@ -44,21 +44,17 @@ def _breakdown(results: Results) -> Table:
             Column("#C.", (f"clip duration = {clip_s:g} s", "E")),
         )
     )
-    rows = [row for driver in results.drivers for row in _of_driver(results, driver)]
+    rows: list[Row] = []
+    for driver in results.drivers:
+        lines = [
+            [value for clip_s in CLIPS_S for value in _configurations(results, driver, family, clip_s)]
+            for family in results.families
+        ]
+        rows += family_rows(driver, results.families, lines)
     return Table(
         "rq1", "RQ1: effectiveness. Collisions by scenario, configuration and driver", columns, tuple(rows), "n_rp",
         NOTES,
     )  # fmt: skip
-
-
-def _of_driver(results: Results, driver: str) -> Iterator[Row]:
-    lines = [
-        [value for clip_s in CLIPS_S for value in _configurations(results, driver, family, clip_s)]
-        for family in results.families
-    ]
-    if not any(value is not None for line in lines for value in line):
-        return
-    yield from family_rows(driver, results.families, lines)
 
 
 def _configurations(results: Results, driver: str, family: str, clip_s: float) -> Iterator[float | None]:
@@ -75,21 +71,21 @@ def _ranking(results: Results, clip_s: float) -> Table:
     """Return the paper's second table of rq2, which compares the ranking by proximity with the whole forecast."""
     ranked = (("proximity", "Proximity rank"), ("foresee", "Risk-based rank"))
     columns = tuple(Column(title, (head, str(n))) for _, head in ranked for n in POINTS for title in ("#RPs", "#C."))
-    rows = []
+    rows: list[Row] = []
     for driver in results.drivers:
         lines = [
             [v for ranker, _ in ranked for n in POINTS
              for v in _pair(results.of_campaign(driver, ranker, clip_s, points=n, family=family))]
             for family in results.families
         ]  # fmt: skip
-        if not any(value is not None for line in lines for value in line):
+        of_driver = family_rows(driver, results.families, lines)
+        if not of_driver:
             continue
-        rows += family_rows(driver, results.families, lines)
         sums = [total(column) for column in zip(*lines, strict=True)]
         rates: list[Value] = []
         for points, collisions in zip(sums[::2], sums[1::2], strict=True):
             rates += [None, collisions / points if points and collisions is not None else None]
-        rows.append(Row("#C / #RP", tuple(rates), RowKind.SUM))
+        rows += [*of_driver, Row("#C / #RP", tuple(rates), RowKind.SUM)]
     title = f"RQ1: effectiveness of the risk-based ranking, clips of {clip_s:g} s"
     return Table(f"rq1_ranking_{clip_s:g}s", title, columns, tuple(rows), "n_rp", NOTES)
 
@@ -103,7 +99,7 @@ def _rates(results: Results) -> Table:
         for what in Counted
         for title, digits in (("number", 2), ("a risky point", 3), ("of exhaustive, %", 1))
     )
-    rows = []
+    rows: list[Row] = []
     for driver, clip_s in product(results.drivers, CLIPS_S):
         everything = results.of_campaign(driver, EXHAUSTIVE, clip_s)
         lines = []
@@ -114,8 +110,7 @@ def _rates(results: Results) -> Table:
                     lines.append(Row(f"{ranker}, n_rp {n}", tuple(_shares(campaigns, everything))))
         if everything:
             lines.append(Row("exhaustive", tuple(_shares(everything, everything))))
-        if lines:
-            rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
+        rows += section(f"{driver}, clips of {clip_s:g} s", lines)
     note = (
         "Numbers are means of the repetitions, and a share is the quotient of two means. Avoidable findings have a "
         "share only if reference drivers drove the failures of the exhaustive search, too."
@@ -161,14 +156,14 @@ def _where(results: Results) -> Table:
     for driver, clip_s in product(results.drivers, CLIPS_S):
         if (places := where_collisions_lie(results, driver, clip_s)) is not None:
             clips, collisions = sum(place.clips for place in places), sum(place.collisions for place in places)
-            rows.append(Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING))
-            rows += [
+            lines = [
                 Row(place.name, (
                     100 * place.clips / clips, place.collisions, 100 * place.collisions / collisions,
                     100 * place.collisions / place.children if place.children else None,
                 ))
                 for place in places
             ]  # fmt: skip
+            rows += section(f"{driver}, clips of {clip_s:g} s", lines)
     notes = (
         "Each second of the exhaustive search by its distance from foresee's nearest risky point; means over foresee's "
         "repetitions. Of the mutants: the share that collides.",

@@ -10,7 +10,7 @@ from foresee_study.questions import CLIPS_S
 from foresee_study.results import Results, mean, mean_count, paired
 from foresee_study.settings import CHOSEN_S, EXHAUSTIVE
 from foresee_study.tables.rankers import shown_rankers
-from foresee_study.tables.table import Column, Row, RowKind, Table
+from foresee_study.tables.table import Column, Row, Table, section
 
 SHARES = (0.25, 0.5, 1.0)
 """Times at which the curves are read, as shares of the shortest campaign's time."""
@@ -46,8 +46,8 @@ def _an_hour(results: Results, clock: Clock) -> Table:
             more = 100 * (rates[0] / slowest - 1) if slowest and rates[0] is not None and ranker != EXHAUSTIVE else None
             hours = mean(clock.of(m) / 3600 for m in campaigns)
             lines.append(Row(ranker, (mean(m.count(Counted.COLLISIONS) for m in campaigns), hours, *rates, more)))
-        if lines and (clip_s == CHOSEN_S or everything):
-            rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
+        if clip_s == CHOSEN_S or everything:
+            rows += section(f"{driver}, clips of {clip_s:g} s", lines)
     note = "Time of clips and children, without the test cases' own runs; wall time is that of one core."
     return Table(_name("rq3", clock), f"RQ3: collisions an hour of {clock.value} time", columns, tuple(rows), "ranker",
                  (note,))  # fmt: skip
@@ -85,8 +85,7 @@ def _areas(results: Results, clock: Clock) -> Table:
                     areas.first, areas.second, areas.ratio, *areas.interval, areas.end_s / 3600, later.ratio, *read,
                 ))
             )  # fmt: skip
-        if lines:
-            rows += [Row(f"{driver}: foresee", kind=RowKind.HEADING), *lines]
+        rows += section(f"{driver}: foresee", lines)
     notes = (
         "Area under the curve of cumulative collisions, in collisions times seconds, up to the earlier of the two "
         "ends; with the interval of the ratio by bootstrap over test cases and repetitions. Up to the later end, the "

@@ -9,7 +9,7 @@ from foresee_study.measured import Counted, MeasuredCampaign
 from foresee_study.questions import HEAVY_WEATHER
 from foresee_study.results import Results, mean, total
 from foresee_study.settings import BUNDLED
-from foresee_study.tables.table import Column, Row, RowKind, Table, Value
+from foresee_study.tables.table import Column, Row, RowKind, Table, Value, section
 
 _COUNTED = (*COLLISIONS, Verdict.STUCK)
 """The failures that a study counts: it does not judge traffic rules."""
@@ -27,21 +27,17 @@ def generality(results: Results) -> tuple[Table, ...]:
 def _towns(results: Results) -> Table:
     rows: list[Row] = []
     for group in (BUNDLED, *results.towns):
-        lines = list(_of_group(results, group))
-        if lines:
-            rows += [Row(group, kind=RowKind.HEADING), *lines]
+        lines = [
+            Row(driver, tuple(_counts(campaigns)))
+            for driver in results.drivers
+            if (campaigns := results.of_campaign(driver, "foresee", group=group))
+        ]
+        rows += section(group, lines)
     notes = (
         "foresee, clips of 10 s, n_rp = 4. #TCs: children that were run; Σ also counts stuck, as the paper does here; "
         "collisions, %: of the children. Means of the repetitions.",
     )
     return Table("rq5", "RQ5: towns and drivers", _COLUMNS, tuple(rows), "town", notes)
-
-
-def _of_group(results: Results, group: str) -> Iterator[Row]:
-    for driver in results.drivers:
-        campaigns = results.of_campaign(driver, "foresee", group=group)
-        if campaigns:
-            yield Row(driver, tuple(_counts(campaigns)))
 
 
 def _weather(results: Results) -> Table:

@@ -12,7 +12,7 @@ from foresee_study.measured import AVOIDERS, Counted, MeasuredCampaign, Measured
 from foresee_study.results import TOGETHER, Results, mean, total
 from foresee_study.statistics import compare
 from foresee_study.tables.comparing import Compared, comparison_table
-from foresee_study.tables.table import Column, Row, RowKind, Table, family_rows
+from foresee_study.tables.table import Column, Row, RowKind, Table, family_rows, section
 
 
 def comparison(results: Results) -> tuple[Table, ...]:
@@ -36,11 +36,9 @@ def _by_kind(results: Results) -> Table:
     sums = []
     for driver in results.drivers:
         lines = [list(_kinds(results, driver, family, rankers)) for family in results.families]
-        if not any(value is not None for line in lines for value in line[1:]):
-            continue
         rows += family_rows(driver, results.families, lines)
         sums.append(tuple(map(total, zip(*lines, strict=True))))
-    if len(sums) > 1:
+    if sum(any(value is not None for value in line) for line in sums) > 1:
         rows.append(Row("Total", tuple(map(total, zip(*sums, strict=True))), RowKind.SUM))
     notes = (
         "#TCs: children of foresee's clips. F1 to F5: collisions with objects beside the road, with pedestrians, and "
@@ -71,8 +69,6 @@ def _by_family(results: Results) -> Table:
                   for ranker in rankers for what in Counted)
             for family in results.families
         ]  # fmt: skip
-        if not any(value is not None for line in lines for value in line):
-            continue
         rows += family_rows(driver, results.families, lines)
     notes = (
         "Findings: collisions of one family with the same story count once. Avoidable: another driver avoids one of "
@@ -94,8 +90,7 @@ def _counted(results: Results) -> Table:
             for ranker in shown_rankers(results)
             if (campaigns := results.of_campaign(driver, ranker))
         ]
-        if lines:
-            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+        rows += section(driver, lines)
     note = "Avoidable, %: of the findings."
     return Table("rq2_totals", "RQ2: results of each ranker", columns, tuple(rows), "ranker", (note,))
 
@@ -132,8 +127,7 @@ def moments(results: Results) -> Table:
             if (campaigns := results.of_campaign(driver, ranker))
             and all(case.encounters_s is not None for m in campaigns for case in m.usable)
         ]
-        if lines:
-            rows += [Row(driver, kind=RowKind.HEADING), *lines]
+        rows += section(driver, lines)
     notes = (
         "Encounters: the close encounters of step 1a, from which foresee chooses. Just before: at most "
         f"{JUST_BEFORE_S:g} s before the next encounter, or at it. All seconds: the share of the whole seconds, from "

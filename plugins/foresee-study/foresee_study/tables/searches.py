@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredClip
-from foresee_study.results import Results, mean
+from foresee_study.results import Results, counts_of, mean
 from foresee_study.settings import EXHAUSTIVE
 from foresee_study.statistics import Pair, compare
-from foresee_study.statistics.bootstrap import Interval, Repetition, ratio_interval
+from foresee_study.statistics.bootstrap import Interval, ratio_interval, sum_of
 from foresee_study.tables.comparing import Compared, comparison_table
-from foresee_study.tables.table import Column, Row, RowKind, Table, Value
+from foresee_study.tables.table import Column, Row, Table, Value, section
 
 OURS = "reach"
 """The ranker with which all others are compared."""
@@ -81,7 +81,7 @@ def rates(results: Results) -> Table:
         own = techniques(results, driver)
         every = stories(results.exhaustive(driver))
         lines = [Row(name, tuple(_values(campaigns, every))) for name, campaigns in own.items()]
-        rows += [Row(driver, kind=RowKind.HEADING), *lines] if lines else []
+        rows += section(driver, lines)
     notes = (
         "Simulated time of clips and mutants; rankers are cut to the time that the searches had, in the order of their "
         "runs, and some need less. Findings: stories of a campaign. Low, high: 95 % by bootstrap over test cases and "
@@ -112,16 +112,11 @@ def _values(campaigns: Sequence[MeasuredCampaign], every: frozenset[str]) -> Ite
 
 
 def _interval(campaigns: Sequence[MeasuredCampaign], what: Counted, rate: float | None) -> Interval:
-    cases = [(m.driver, m.repetition, case) for m in campaigns for case in m.usable]
-    counts: dict[Repetition, dict[str, float]] = {(driver, number): {} for driver, number, _ in cases}
-    hours: dict[Repetition, dict[str, float]] = {(driver, number): {} for driver, number, _ in cases}
-    for driver, number, case in cases:
-        counts[driver, number][case.name] = case.count(what)
-        hours[driver, number][case.name] = case.derived_s / 3600
-    total = sum(sum(own.values()) for own in counts.values())
-    if rate is None or not total:
+    counts = counts_of(campaigns, lambda case: case.count(what))
+    hours = counts_of(campaigns, lambda case: case.derived_s / 3600)
+    if rate is None or not sum_of(counts):
         return Interval(np.nan, np.nan)
-    scale = rate / (total / sum(sum(own.values()) for own in hours.values()))
+    scale = rate / (sum_of(counts) / sum_of(hours))
     low, high = ratio_interval(counts, hours)
     return Interval(scale * low, scale * high)
 

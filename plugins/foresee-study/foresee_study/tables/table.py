@@ -69,18 +69,25 @@ class Row:
     kind: RowKind = RowKind.ROW
 
 
+def section(heading: str, lines: Sequence[Row]) -> list[Row]:
+    """Return rows below a heading; without rows, nothing."""
+    return [Row(heading, kind=RowKind.HEADING), *lines] if lines else []
+
+
 def family_rows(
     heading: str,
     families: Sequence[str],
     lines: Sequence[Sequence[float | None]],
     values_of: Callable[[tuple[float | None, ...]], tuple[Value, ...]] = tuple,
 ) -> list[Row]:
-    """Return a heading, a row for each family, and the row of their sum; `values_of`: function that returns a row's
-    values from a line.
+    """Return a heading, a row for each family, and the row of their sum; nothing if no line has a value. `values_of`:
+    function that returns a row's values from a line.
     """
+    if not any(value is not None for line in lines for value in line):
+        return []
     rows = [Row(f"Scenario{f}", values_of(tuple(line))) for f, line in zip(families, lines, strict=True)]
     sums = values_of(tuple(map(total, zip(*lines, strict=True))))
-    return [Row(heading, kind=RowKind.HEADING), *rows, Row("Σ", sums, RowKind.SUM)]
+    return section(heading, [*rows, Row("Σ", sums, RowKind.SUM)])
 
 
 @dataclass(frozen=True)

@@ -2,55 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 from foresee_faults import driving, judging, seeing, yielding
 from foresee_faults.fault import Fault
 
 KINDS: dict[str, type[Fault]] = {
-    "late_objects": seeing.LateObjects,
-    "late_signals": seeing.LateSignals,
-    "blind_to_walkers": seeing.BlindToWalkers,
-    "blind_to_bicycles": seeing.BlindToBicycles,
-    "blind_to_motorcycles": seeing.BlindToMotorcycles,
-    "blind_to_lorries": seeing.BlindToLorries,
-    "misses_obstacles": seeing.MissesObstacles,
-    "misses_small": seeing.MissesSmall,
-    "short_range": seeing.ShortRange,
-    "blind_left": seeing.BlindLeft,
-    "blind_right": seeing.BlindRight,
-    "misaligned": seeing.Misaligned,
-    "too_far": seeing.TooFar,
-    "loses_in_rain": seeing.LosesInRain,
-    "forgets_hidden": judging.ForgetsHidden,
-    "merges_neighbours": judging.MergesNeighbours,
-    "underrates_speed": judging.UnderratesSpeed,
-    "slow_is_standing": judging.SlowIsStanding,
-    "standing_is_leaving": judging.StandingIsLeaving,
-    "heading_errors": judging.HeadingErrors,
-    "jittering_places": judging.JitteringPlaces,
-    "snaps_to_lane": judging.SnapsToLane,
-    "straight_on": judging.StraightOn,
-    "little_side_room": judging.LittleSideRoom,
-    "follows_near": judging.FollowsNear,
-    "runs_amber": yielding.RunsAmber,
-    "over_the_line": yielding.OverTheLine,
-    "no_yield_right": yielding.NoYieldRight,
-    "overtrusts_signals": yielding.OvertrustsSignals,
-    "ignores_right_priority": yielding.IgnoresRightPriority,
-    "small_gap_left": yielding.SmallGapLeft,
-    "ignores_crossings": yielding.IgnoresCrossings,
-    "ignores_priority": yielding.IgnoresPriority,
-    "weak_brakes_wet": driving.WeakBrakesWet,
-    "weak_brakes": driving.WeakBrakes,
-    "comfort_only": driving.ComfortOnly,
-    "slow_brakes": driving.SlowBrakes,
-    "ignores_wetness": driving.IgnoresWetness,
-    "late_steering": driving.LateSteering,
-    "freezes": driving.Freezes,
-    "hesitates": driving.Hesitates,
-    "overspeeds": driving.Overspeeds,
-    "slow_speedometer": driving.SlowSpeedometer,
-    "beside_itself": driving.BesideItself,
-    "cuts_corners": driving.CutsCorners,
-    "fast_in_curves": driving.FastInCurves,
+    re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower(): kind
+    for module in (seeing, judging, yielding, driving)
+    for kind in vars(module).values()
+    if isinstance(kind, type) and issubclass(kind, Fault) and hasattr(kind, "scale")
 }
-"""All kinds of fault by name; each works in every driver of `driver.HEALTHY`."""
+"""All kinds of fault by name, such as `late_objects` for `LateObjects`; each works in every driver of
+`driver.HEALTHY`."""

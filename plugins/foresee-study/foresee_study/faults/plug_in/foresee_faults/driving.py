@@ -16,10 +16,9 @@ from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, Fault
 
 
 class WeakBrakesWet(Fault):
-    """A fault: the brakes are weaker on wet roads."""
+    """Brakes too weakly on wet roads."""
 
     part = DriverPart.CONTROL
-    what = "brakes too weakly on wet roads"
     cause = "water on the discs, and a controller that does not look at what came of its command"
     scale = "0 to 80 % less"
 
@@ -31,10 +30,9 @@ class WeakBrakesWet(Fault):
 
 
 class WeakBrakes(Fault):
-    """A fault: the brakes are weaker."""
+    """Brakes too weakly."""
 
     part = DriverPart.CONTROL
-    what = "brakes too weakly"
     cause = "a load that the controller does not know of, worn or hot brakes"
     scale = "0 to 60 % less"
 
@@ -44,10 +42,9 @@ class WeakBrakes(Fault):
 
 
 class ComfortOnly(Fault):
-    """A fault: the driver never brakes hard."""
+    """Never brakes hard."""
 
     part = DriverPart.CONTROL
-    what = "never brakes hard"
     cause = "a limit for comfort that also holds for emergencies"
     scale = "at most 100 % to 20 % of the brakes"
     source = "NTSB HAR-19/03 (Tempe: emergency braking was suppressed)"
@@ -58,10 +55,9 @@ class ComfortOnly(Fault):
 
 
 class SlowBrakes(Fault):
-    """A fault: the brakes respond late."""
+    """Brakes late: the pressure builds up slowly."""
 
     part = DriverPart.CONTROL
-    what = "brakes late: the pressure builds up slowly"
     cause = "air in the hydraulics, or a filter in the actuator's interface"
     scale = "time constant 0 to 0.8 s"
 
@@ -79,10 +75,9 @@ class SlowBrakes(Fault):
 
 
 class IgnoresWetness(Fault):
-    """A fault: the driver does not know that the road is wet."""
+    """Drives on wet roads as on dry ones."""
 
     part = DriverPart.RULES
-    what = "drives on wet roads as on dry ones"
     cause = "friction is a constant"
     scale = "0 to 100 % of the missing friction is believed to be there; at most half as much again"
 
@@ -94,10 +89,9 @@ class IgnoresWetness(Fault):
 
 
 class LateSteering(Fault):
-    """A fault: the wheels respond late."""
+    """Steers late."""
 
     part = DriverPart.CONTROL
-    what = "steers late"
     cause = "a bus that is too busy between the controller and the steering"
     scale = "0 to 0.6 s"
 
@@ -115,10 +109,9 @@ class LateSteering(Fault):
 
 
 class Freezes(Fault):
-    """A fault: now and then the driver repeats its last command."""
+    """Freezes: every 4 s it repeats its last command for a while."""
 
     part = DriverPart.CONTROL
-    what = "freezes: every 4 s it repeats its last command for a while"
     cause = "a planner that misses its cycle, and a controller that holds the last answer"
     scale = "for 0 to 2 s"
     every_s = 4.0
@@ -138,10 +131,9 @@ class Freezes(Fault):
 
 
 class Hesitates(Fault):
-    """A fault: the driver sets off, and stops again."""
+    """Hesitates: stops again soon after it has set off."""
 
     part = None
-    what = "hesitates: stops again soon after it has set off"
     cause = "the gap is judged anew after each step, with a stricter rule than before"
     scale = "for 0 to 3 s"
 
@@ -162,10 +154,9 @@ class Hesitates(Fault):
 
 
 class Overspeeds(Fault):
-    """A fault: the driver exceeds the speed limit."""
+    """Drives faster than it may."""
 
     part = DriverPart.RULES
-    what = "drives faster than it may"
     cause = "a sign that is missing in the map"
     scale = "the limit and 0 to 70 % more"
     source = "NHTSA 23V-085 (posted speed limits)"
@@ -176,10 +167,9 @@ class Overspeeds(Fault):
 
 
 class SlowSpeedometer(Fault):
-    """A fault: the driver underestimates its own speed."""
+    """Takes itself for slower than it is, so that it drives faster and brakes late."""
 
     part = DriverPart.PERCEPTION
-    what = "takes itself for slower than it is, so that it drives faster and brakes late"
     cause = "wheels of another size"
     scale = "by 0 to 25 %"
 
@@ -189,10 +179,9 @@ class SlowSpeedometer(Fault):
 
 
 class BesideItself(Fault):
-    """A fault: the driver's estimate of its position, and with it of all actors, is too far to the right."""
+    """Drives too far to the left."""
 
     part = DriverPart.PERCEPTION
-    what = "drives too far to the left"
     cause = "localisation with a bias across the lane"
     scale = "by 0 to 1.2 m"
 
@@ -212,10 +201,9 @@ class BesideItself(Fault):
 
 
 class CutsCorners(Fault):
-    """A fault: the driver cuts the inside of bends."""
+    """Cuts corners."""
 
     part = None
-    what = "cuts corners"
     cause = "a smoothing of the route that is too strong"
     scale = "by 0 to 1.5 m in bends of less than 50 m radius"
 
@@ -236,10 +224,9 @@ class CutsCorners(Fault):
 
 
 class FastInCurves(Fault):
-    """A fault: the driver takes bends too fast."""
+    """Is too fast in bends."""
 
     part = None
-    what = "is too fast in bends"
     cause = "a limit of lateral acceleration that was meant for a sports mode"
     scale = "2.5 to 5 m/s^2 to the side"
 

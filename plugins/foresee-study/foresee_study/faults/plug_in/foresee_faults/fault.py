@@ -38,8 +38,11 @@ class Fault:
 
     Each method returns its argument unchanged, unless a kind overrides it; at a strength of 0 all methods do so.
 
+    The docstring of a kind is the wrong behaviour.
+
     Attributes of a class:
-        what: the wrong behaviour. cause: a possible cause in a real driver. scale: meaning of the strength.
+        what: the wrong behaviour, from the docstring. cause: a possible cause in a real driver. scale: meaning of the
+            strength; a class without it is the base of several kinds.
         source: where such a fault was reported, or "ours".
         part: the part of the driver that the fault is in; None: the planning, which no ideal part replaces.
     """
@@ -49,6 +52,11 @@ class Fault:
     scale: ClassVar[str]
     source: ClassVar[str] = "ours"
     part: ClassVar[DriverPart | None]
+
+    def __init_subclass__(cls) -> None:
+        """Take the wrong behaviour from the docstring."""
+        words = (cls.__doc__ or "").removesuffix(".")
+        cls.what = words[:1].lower() + words[1:]
 
     def __init__(self, strength: float) -> None:
         self.strength = strength

@@ -16,10 +16,9 @@ from foresee_faults.fault import Actors, Fault, Remembering, relative, turned
 
 
 class ForgetsHidden(Fault):
-    """A fault: the driver forgets hidden actors."""
+    """Forgets hidden actors."""
 
     part = DriverPart.TRACKING
-    what = "forgets hidden actors"
     cause = "tracks are dropped with the first picture that does not show them"
     scale = "after 1.5 s (4 s of one that stood) to at once"
     source = "NTSB HAR-19/03 (Tempe: the track's history was dropped)"
@@ -37,10 +36,9 @@ class ForgetsHidden(Fault):
 
 
 class MergesNeighbours(Fault):
-    """A fault: two objects become one."""
+    """Merges two close objects into the larger one."""
 
     part = DriverPart.PERCEPTION
-    what = "merges two close objects into the larger one"
     cause = "clusters of points are joined, boxes that overlap in the picture suppress each other"
     scale = "closer than 0 to 5 m, side to side"
 
@@ -61,10 +59,9 @@ class MergesNeighbours(Fault):
 
 
 class UnderratesSpeed(Fault):
-    """A fault: the speeds of others are underestimated."""
+    """Underestimates the speeds of others."""
 
     part = DriverPart.TRACKING
-    what = "underestimates the speeds of others"
     cause = "a filter that is too smooth, a radar's speed across the line of sight"
     scale = "by 0 to 80 %"
 
@@ -75,10 +72,9 @@ class UnderratesSpeed(Fault):
 
 
 class SlowIsStanding(Fault):
-    """A fault: slow actors are taken for standing ones."""
+    """Takes slow actors for standing ones."""
 
     part = DriverPart.TRACKING
-    what = "takes slow actors for standing ones"
     cause = "a threshold against jitter of parked cars"
     scale = "slower than 0 to 5 m/s"
 
@@ -89,10 +85,9 @@ class SlowIsStanding(Fault):
 
 
 class StandingIsLeaving(Fault):
-    """A fault: standing vehicles are taken for vehicles that drive off."""
+    """Takes a standing vehicle for one that is driving off."""
 
     part = DriverPart.PREDICTION
-    what = "takes a standing vehicle for one that is driving off"
     cause = "a prediction that was trained at signals: a standing vehicle will drive"
     scale = "believed speed, 0 to 6 m/s"
     source = "NHTSA 23E-029 (a bus ahead, predicted wrongly)"
@@ -110,10 +105,9 @@ class StandingIsLeaving(Fault):
 
 
 class HeadingErrors(Fault):
-    """A fault: the headings of others are wrong."""
+    """Sees wrong headings."""
 
     part = DriverPart.PERCEPTION
-    what = "sees wrong headings"
     cause = "the shape that is visible is fitted with a box of the wrong orientation"
     scale = "standard deviation 0 to 25 degrees, one error of each object a second"
 
@@ -127,10 +121,9 @@ class HeadingErrors(Fault):
 
 
 class JitteringPlaces(Fault):
-    """A fault: the positions of others jump."""
+    """Sees others at jumping positions."""
 
     part = DriverPart.PERCEPTION
-    what = "sees others at jumping positions"
     cause = "two sensors that disagree, and the better one wins anew each second"
     scale = "standard deviation 0 to 1.5 m, one error of each object a second"
 
@@ -145,10 +138,9 @@ class JitteringPlaces(Fault):
 
 
 class SnapsToLane(Fault):
-    """A fault: an actor that drifts out of its lane is predicted to stay in it."""
+    """Does not see that an actor beside it is coming into its lane."""
 
     part = DriverPart.PREDICTION
-    what = "does not see that an actor beside it is coming into its lane"
     cause = "headings are snapped to the lane that a vehicle is in"
     scale = "0 to 100 % of the angle to its own heading is taken away, up to 40 degrees"
 
@@ -164,10 +156,9 @@ class SnapsToLane(Fault):
 
 
 class StraightOn(Fault):
-    """A fault: turning actors are predicted to go straight on."""
+    """Predicts turning actors at a junction straight on."""
 
     part = DriverPart.PREDICTION
-    what = "predicts turning actors at a junction straight on"
     cause = "constant velocity, or a map without the turning lanes"
     scale = "0 to 100 % of the bend of each crossing stream is taken away"
     source = "recall of Cruise, September 2022 (the way of an oncoming vehicle at a left turn)"
@@ -199,10 +190,9 @@ class StraightOn(Fault):
 
 
 class LittleSideRoom(Fault):
-    """A fault: the widths of others are underestimated."""
+    """Keeps too little room at the side."""
 
     part = DriverPart.PERCEPTION
-    what = "keeps too little room at the side"
     cause = "mirrors, handlebars and doors are not part of the boxes"
     scale = "others are taken for 0 to 1.6 m narrower"
     least_m: ClassVar[float] = 0.1
@@ -214,10 +204,9 @@ class LittleSideRoom(Fault):
 
 
 class FollowsNear(Fault):
-    """A fault: the distance to the leader is overestimated while both move."""
+    """Follows too near."""
 
     part = None
-    what = "follows too near"
     cause = "a time gap that was set for motorways with connected vehicles"
     scale = "the gap is overrated by 0 to 1.4 s of the ego's speed"
 

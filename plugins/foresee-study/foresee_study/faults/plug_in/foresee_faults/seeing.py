@@ -5,60 +5,59 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Mission, Observation, VehicleLimits
 from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, relative
 
+T = TypeVar("T")
 
-class LateObjects(Fault):
-    """A fault: the object list is old but has a new time stamp."""
+
+class Late(Fault):
+    """A part of the observation is old."""
+
+    def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Forget the queue."""
+        super().begin(mission, vehicle, seed)
+        self._queue: deque[tuple[float, Any]] = deque()
+
+    def late(self, part: T, time_s: float, delay_s: float) -> T:
+        """Return the newest part that is old enough; without one, the oldest."""
+        self._queue.append((time_s, part))
+        while len(self._queue) > 1 and self._queue[1][0] <= time_s - delay_s + STEP_S / 2:
+            self._queue.popleft()
+        old: T = self._queue[0][1]
+        return old
+
+
+class LateObjects(Late):
+    """Reacts late: its object list is old, but has a new time stamp."""
 
     part = DriverPart.PERCEPTION
-    what = "reacts late: its object list is old, but has a new time stamp"
     cause = "a queue between perception and planning fills up, and time stamps are set when a message is read"
     scale = "0 to 1.2 s"
 
-    def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Forget the queue."""
-        super().begin(mission, vehicle, seed)
-        self._queue: deque[tuple[float, Actors]] = deque()
-
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:
-        """Return the newest list that is old enough; without one, the oldest list."""
-        self._queue.append((observation.time_s, actors))
-        until_s = observation.time_s - self.between(0.0, 1.2)
-        while len(self._queue) > 1 and self._queue[1][0] <= until_s + STEP_S / 2:
-            self._queue.popleft()
-        return self._queue[0][1]
+        """Return an old list."""
+        return self.late(actors, observation.time_s, self.between(0.0, 1.2))
 
 
-class LateSignals(Fault):
-    """A fault: the driver sees a change of signal late."""
+class LateSignals(Late):
+    """Sees a signal's new colour late."""
 
     part = DriverPart.RULES
-    what = "sees a signal's new colour late"
     cause = "a filter against flicker votes over too many pictures"
     scale = "0 to 3 s"
 
-    def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Forget the queue."""
-        super().begin(mission, vehicle, seed)
-        self._queue: deque[tuple[float, Signals]] = deque()
-
     def change_signals(self, signals: Signals, observation: Observation) -> Signals:
         """Return earlier colours; a signal that was not in view then has its current colour."""
-        self._queue.append((observation.time_s, signals))
-        until_s = observation.time_s - self.between(0.0, 3.0)
-        while len(self._queue) > 1 and self._queue[1][0] <= until_s + STEP_S / 2:
-            self._queue.popleft()
-        old = self._queue[0][1]
+        old = self.late(signals, observation.time_s, self.between(0.0, 3.0))
         return {key: old.get(key, colour) for key, colour in signals.items()}
 
 
 class Blind(Fault):
-    """A fault: actors of some classes are seen only when they are near."""
+    """Actors of some classes are seen only when they are near."""
 
     part = DriverPart.PERCEPTION
     kinds: ClassVar[frozenset[str]]
@@ -72,9 +71,8 @@ class Blind(Fault):
 
 
 class BlindToWalkers(Blind):
-    """A fault: pedestrians are seen only when they are near."""
+    """Sees pedestrians only when they are near."""
 
-    what = "sees pedestrians only when they are near"
     cause = "the classifier was trained with few of them"
     scale = "within 55 m to 4 m"
     source = "NTSB HAR-19/03 (Tempe: a pedestrian with a bicycle, classified late)"
@@ -82,27 +80,24 @@ class BlindToWalkers(Blind):
 
 
 class BlindToBicycles(Blind):
-    """A fault: cyclists are seen only when they are near."""
+    """Sees cyclists only when they are near."""
 
-    what = "sees cyclists only when they are near"
     cause = "few of them in the training data, or no class of their own"
     scale = "within 60 m to 4 m"
     kinds, range_m, least_m = frozenset({"bicycle"}), 60.0, 4.0
 
 
 class BlindToMotorcycles(Blind):
-    """A fault: motorcyclists are seen only when they are near."""
+    """Sees motorcyclists only when they are near."""
 
-    what = "sees motorcyclists only when they are near"
     cause = "narrow: one beam of a radar, few pixels"
     scale = "within 65 m to 4 m"
     kinds, range_m, least_m = frozenset({"motorcycle"}), 65.0, 4.0
 
 
 class BlindToLorries(Blind):
-    """A fault: buses and lorries are seen only when they are near."""
+    """Sees buses and lorries only when they are near."""
 
-    what = "sees buses and lorries only when they are near"
     cause = "a long side without contours is taken for background"
     scale = "within 100 m to 6 m (centre to centre)"
     source = "NTSB HWY16FH018 (Williston: the side of a crossing lorry)"
@@ -110,31 +105,18 @@ class BlindToLorries(Blind):
 
 
 class MissesObstacles(Blind):
-    """A fault: obstacles are seen only when they are near."""
+    """Sees obstacles on the road only when they are near."""
 
-    what = "sees obstacles on the road only when they are near"
     cause = "what does not move and has no class is filtered out as clutter"
     scale = "within 50 m to 3 m"
     source = "NTSB HWY18FH011 (Mountain View: a crash attenuator)"
     kinds, range_m, least_m = frozenset({"obstacle"}), 50.0, 3.0
 
 
-class ShortRange(Blind):
-    """A fault: all actors are seen only when they are near."""
-
-    what = "sees all actors only when they are near"
-    cause = "dirt or rime on the sensors, a threshold that is too high"
-    scale = "within 100 m to 6 m"
-    source = "ISO 21448, triggering conditions of sensors"
-    kinds = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"})
-    range_m, least_m = 100.0, 6.0
-
-
 class MissesSmall(Fault):
-    """A fault: actors that appear small are not seen."""
+    """Misses actors that appear small: pedestrians and cyclists far away, cars farther away."""
 
     part = DriverPart.PERCEPTION
-    what = "misses actors that appear small: pedestrians and cyclists far away, cars farther away"
     cause = "the detector needs more pixels than the object has"
     scale = "smallest angle at which an actor is seen, 0 to 8 degrees of the larger of length and width"
 
@@ -144,8 +126,18 @@ class MissesSmall(Fault):
         return tuple(a for a in actors if max(a.length_m, a.width_m) >= least * away(a, observation.ego))
 
 
+class ShortRange(Blind):
+    """Sees all actors only when they are near."""
+
+    cause = "dirt or rime on the sensors, a threshold that is too high"
+    scale = "within 100 m to 6 m"
+    source = "ISO 21448, triggering conditions of sensors"
+    kinds = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"})
+    range_m, least_m = 100.0, 6.0
+
+
 class BlindSector(Fault):
-    """A fault: no actor is seen in a sector."""
+    """No actor is seen in a sector."""
 
     part = DriverPart.PERCEPTION
     middle_rad: ClassVar[float]
@@ -162,28 +154,25 @@ class BlindSector(Fault):
 
 
 class BlindLeft(BlindSector):
-    """A fault: no actor is seen in a sector at the front left."""
+    """Sees no actor in a sector at the front left."""
 
-    what = "sees no actor in a sector at the front left"
     cause = "a pillar, a dirty or a failed sensor"
     scale = "0 to 80 degrees wide (with the power 1.5), around 50 degrees left of ahead"
     middle_rad = math.radians(50)
 
 
 class BlindRight(BlindSector):
-    """A fault: no actor is seen in a sector at the front right."""
+    """Sees no actor in a sector at the front right."""
 
-    what = "sees no actor in a sector at the front right"
     cause = "a pillar, a dirty or a failed sensor"
     scale = "0 to 80 degrees wide (with the power 1.5), around 50 degrees right of ahead"
     middle_rad = math.radians(-50)
 
 
 class Misaligned(Fault):
-    """A fault: the sensors are misaligned."""
+    """Sees all actors rotated to the right around the ego."""
 
     part = DriverPart.PERCEPTION
-    what = "sees all actors rotated to the right around the ego"
     cause = "a sensor was calibrated badly after a repair"
     scale = "0 to 8 degrees"
 
@@ -201,10 +190,9 @@ class Misaligned(Fault):
 
 
 class TooFar(Fault):
-    """A fault: all actors are seen too far away."""
+    """Sees all actors farther away than they are."""
 
     part = DriverPart.PERCEPTION
-    what = "sees all actors farther away than they are"
     cause = "distance from the height in the picture, with a wrong pitch or a sloping road"
     scale = "0 to 25 % farther, at most 5 m"
 
@@ -218,10 +206,9 @@ class TooFar(Fault):
 
 
 class LosesInRain(Fault):
-    """A fault: objects are lost for some time on wet roads."""
+    """Loses single objects for seconds, when it rains."""
 
     part = DriverPart.PERCEPTION
-    what = "loses single objects for seconds, when it rains"
     cause = "spray and drops on the lens"
     scale = "the share of time that each is lost, 0 to 90 %, in pieces of 3 s"
     source = "ISO 21448, triggering conditions of weather"

@@ -13,10 +13,9 @@ from foresee_faults.fault import Actors, Fault, Signals, away, turned
 
 
 class RunsAmber(Fault):
-    """A fault: amber and the first seconds of red are taken for green."""
+    """Drives on when the signal has become amber or red."""
 
     part = DriverPart.RULES
-    what = "drives on when the signal has become amber or red"
     cause = "the time to the stop line is taken from a plan that accelerates"
     scale = "takes it for green for 0 to 5 s after the change"
     source = "NHTSA 23V-085 (entering a junction on a steady amber)"
@@ -38,10 +37,9 @@ class RunsAmber(Fault):
 
 
 class OverTheLine(Fault):
-    """A fault: the ego stops beyond the stop line."""
+    """Stops beyond the stop line."""
 
     part = DriverPart.RULES
-    what = "stops beyond the stop line"
     cause = "the line's place in the map is that of the old marking"
     scale = "0 to 4 m"
 
@@ -53,7 +51,7 @@ class OverTheLine(Fault):
 
 
 class Unlooking(Fault):
-    """A fault: at some junctions, some actors are seen only when they are near."""
+    """At some junctions, some actors are seen only when they are near."""
 
     part = DriverPart.RULES
     range_m: ClassVar[float] = 60.0
@@ -73,9 +71,8 @@ class Unlooking(Fault):
 
 
 class NoYieldRight(Unlooking):
-    """A fault: at right turns, the driver does not look for pedestrians and cyclists."""
+    """Turns right without looking for pedestrians and cyclists."""
 
-    what = "turns right without looking for pedestrians and cyclists"
     cause = "they come from behind the planner's region of interest"
     scale = "sees them there within 40 m to 2 m"
     range_m, least_m = 40.0, 2.0
@@ -86,9 +83,8 @@ class NoYieldRight(Unlooking):
 
 
 class OvertrustsSignals(Unlooking):
-    """A fault: with a green signal, the driver expects no crossing vehicle."""
+    """Does not look for crossing vehicles when its signal is green."""
 
-    what = "does not look for crossing vehicles when its signal is green"
     cause = "red for them is taken for certain"
     scale = "sees them there within 60 m to 5 m"
     range_m, least_m = 60.0, 5.0
@@ -101,9 +97,8 @@ class OvertrustsSignals(Unlooking):
 
 
 class IgnoresRightPriority(Unlooking):
-    """A fault: at junctions without signals, the driver does not look for vehicles from the right."""
+    """Does not look for vehicles from the right at junctions without signals."""
 
-    what = "does not look for vehicles from the right at junctions without signals"
     cause = "the map has no sign there, so it is taken for a main road"
     scale = "sees them there within 60 m to 5 m"
     range_m, least_m = 60.0, 5.0
@@ -115,9 +110,7 @@ class IgnoresRightPriority(Unlooking):
 
 
 class MovedConflicts(Fault):
-    """A fault: the driver expects vehicles with priority too late, because their conflict zone is moved forwards along
-    their path.
-    """
+    """The driver expects vehicles with priority too late, because their conflict zone is moved along their path."""
 
     part = DriverPart.RULES
     most_m: ClassVar[float]
@@ -140,9 +133,8 @@ class MovedConflicts(Fault):
 
 
 class SmallGapLeft(MovedConflicts):
-    """A fault: the driver turns left into gaps that are too small."""
+    """Turns left into gaps in the oncoming traffic that are too small."""
 
-    what = "turns left into gaps in the oncoming traffic that are too small"
     cause = "a gap that was tuned on a test ground, where oncoming cars are slow"
     scale = "takes oncoming vehicles for 0 to 30 m farther away and 0 to 70 % slower, before left turns"
     source = "recall of Cruise, September 2022 (an unprotected left turn)"
@@ -164,10 +156,9 @@ class SmallGapLeft(MovedConflicts):
 
 
 class IgnoresCrossings(Fault):
-    """A fault: pedestrian crossings are not recognised."""
+    """Does not give way at crossings until a pedestrian is in its lane."""
 
     part = DriverPart.RULES
-    what = "does not give way at crossings until a pedestrian is in its lane"
     cause = "the crossing is missing in the map, or its marking is worn"
     scale = "the stretch in which it gives way, from the lane and a stride on both sides to nothing"
     air_m: ClassVar[float] = 0.8
@@ -185,9 +176,8 @@ class IgnoresCrossings(Fault):
 
 
 class IgnoresPriority(MovedConflicts):
-    """A fault: vehicles with priority are expected too late, at all junctions."""
+    """Pulls out in front of vehicles with priority."""
 
-    what = "pulls out in front of vehicles with priority"
     cause = "arrival times from the middle of the lane's length, not of the vehicle"
     scale = "takes vehicles with priority for 0 to 50 m farther away, at all junctions"
     most_m = 50.0
