@@ -113,11 +113,12 @@ def replacing(file: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_whole(file: Path, text: str) -> None:
-    """Write a text file whole or not at all, creating its folder; an existing file keeps its permissions."""
+def write_whole(file: Path, content: str | bytes) -> None:
+    """Write a file whole or not at all, a text as UTF-8, creating its folder; an existing file keeps its
+    permissions."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
         if file.exists():
             temporary.chmod(file.stat().st_mode & 0o777)
 

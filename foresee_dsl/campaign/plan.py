@@ -55,7 +55,7 @@ class AllocationPlan:
     """The allocation of mutants in rounds: the number of rounds, and the later ones known so far.
 
     rounds: number of rounds, including the first, which gives each clip `first` mutants.
-    known: the later rounds that have begun, of each part of the campaign. words: who gets the further mutants.
+    later_rounds: those that have begun, of each part of the campaign. words: who gets the further mutants.
     """
 
     rounds: int
@@ -158,7 +158,7 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
         graph.add_node(_name(node), kind=node.step.kind, name=node.step.name, key=node.step.key, state=state, count=1)
         if node.above is not None:
             graph.add_edge(_name(node.above), _name(node))
-        if row is None or (not all_done and stages.may_be_chosen(node, row)):
+        if row is None or (not all_done and stages.chosen_after(node, row)):
             _add_followers(graph, node, stages.settings, is_done=row is not None)
     allocated = None
     if stages.rounds:

@@ -11,7 +11,7 @@ from functools import cached_property
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.findings.grouping import Finding, findings_of, in_order
+from foresee_dsl.campaign.findings.grouping import Finding, family_order, findings_of, in_order
 from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -115,21 +115,25 @@ class CampaignResult:
         """Return the kinds of failures that tables list."""
         return (*FAILURES, Verdict.GOAL) if self.settings.goal else FAILURES
 
+    @cached_property
+    def children(self) -> tuple[ChildOutcome, ...]:
+        """Return the mutants of all clips."""
+        return tuple(child for clip in self.clips for child in clip.children)
+
     @property
     def failed(self) -> bool:
         """Return whether a test case or mutant failed, or a run crashed."""
         return (
             any(not seed.passed for seed in self.seeds)
             or any(is_problem(clip.verdict, hangs=clip.hangs) for clip in self.clips)
-            or any(is_problem(child.verdict, hangs=child.hangs) for clip in self.clips for child in clip.children)
+            or any(is_problem(child.verdict, hangs=child.hangs) for child in self.children)
             or any(self.breaking)
         )
 
     @property
     def breaking(self) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
         """Return the test cases and mutants that passed but broke an expectation."""
-        runs: list[CaseRunOutcome | ChildOutcome] = [*self.seeds]
-        runs += [child for clip in self.clips for child in clip.children]
+        runs: list[CaseRunOutcome | ChildOutcome] = [*self.seeds, *self.children]
         return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
     @property
@@ -150,7 +154,7 @@ class CampaignResult:
     @property
     def families(self) -> tuple[str, ...]:
         """Return the families that occur, in the order of the paper's table; the empty one (no tag) last."""
-        return tuple(sorted({s.family for s in self.seeds}, key=lambda f: (not f.isdigit(), int(f or 0), f)))
+        return tuple(sorted({s.family for s in self.seeds}, key=family_order))
 
     def avoidable(self, kind: Verdict | None = None) -> dict[Preventable, int]:
         """Return the number of failures (of one kind or all) by whether a careful driver would have avoided them."""
@@ -224,13 +228,12 @@ class CampaignResult:
         """Return how many runs break the campaign's goal; None without one."""
         if not self.settings.goal:
             return None
-        children = [child for clip in self.clips for child in clip.children]
         return GoalCounts(
             name=self.settings.goal,
             test_cases=sum(seed.breaks_goal for seed in self.seeds),
-            children=sum(child.breaks_goal for child in children),
+            children=sum(child.breaks_goal for child in self.children),
             findings=sum(finding.run.breaks_goal for finding in self.findings),
-            others=sum(child.verdict.is_failure and not child.breaks_goal for child in children),
+            others=sum(child.verdict.is_failure and not child.breaks_goal for child in self.children),
         )
 
     @cached_property

@@ -154,7 +154,7 @@ class Stages:
             row = self.row(node)
             if row is None:
                 continue
-            for step in self._chosen_after(node, row):
+            for step in self.chosen_after(node, row):
                 result = decode(row.record, node.step.record)
                 nodes_after += [
                     StepNode(new, node.case, node) for new in step.following(node.step, result, self._campaign)
@@ -167,11 +167,8 @@ class Stages:
         every = (node for nodes in (self.seeds, *self._after.values()) for node in nodes)
         return (node for node in every if node.step.name in names)
 
-    def may_be_chosen(self, node: StepNode, row: Row) -> bool:
-        """Return whether steps follow from a step with this result if `choose` names it."""
-        return bool(self._chosen_after(node, row))
-
-    def _chosen_after(self, node: StepNode, row: Row) -> tuple[type[AnyStep], ...]:
+    def chosen_after(self, node: StepNode, row: Row) -> tuple[type[AnyStep], ...]:
+        """Return the classes of steps that follow from a step with this result if `choose` names it."""
         after_all = [step for step in _next(node, row) if step.after_all]
         result = decode(row.record, node.step.record) if after_all else None
         return tuple(step for step in after_all if step.wanted(result, self.settings))

@@ -25,14 +25,11 @@ def drivers(json: JsonOption = False) -> None:
         print_json({"drivers": descriptions})
         return
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=None, pad_edge=False)
-    for heading in ("driver", "version", "package", "about"):
-        table.add_column(heading)
-    for d in descriptions:
-        table.add_row(*(escape(words) for words in (d.name, d.version, d.package, d.doc)))
-    console().print(table)
+    from foresee_dsl.report.terminal.tables import plain_table
+
+    rows = (tuple(map(escape, (d.name, d.version, d.package, d.doc))) for d in descriptions)
+    console().print(plain_table(("driver", "version", "package", "about"), rows, align="<<<<"))
 
 
 def models(

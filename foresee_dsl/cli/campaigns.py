@@ -29,7 +29,6 @@ from foresee_dsl.cli.options.common import (
     json_document,
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
-from foresee_dsl.cli.options.profiling import profiling
 from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import PEOPLE, CommandReport
@@ -98,7 +97,7 @@ def campaign(
     foresee campaign scenarios/scenario7.foresee::r02
     foresee campaign nightly.foresee --jobs 8[/dim]
     """
-    profiler = ctx.with_resource(profiling()) if profile else None
+    profiler = ctx.with_resource(common.profiling()) if profile else None
     from contextlib import ExitStack
     from functools import partial
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foresee_dsl.cli.findings import CampaignOption, OtherDriverOption
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs
 from foresee_dsl.cli.options.common import (
     FAILED,
@@ -19,7 +20,7 @@ from foresee_dsl.cli.options.common import (
     names_in,
     print_json,
 )
-from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
+from foresee_dsl.cli.options.output import ComparisonFormatOption, FormatOption, JunitOption, report_results
 from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
@@ -37,9 +38,7 @@ def keep(
         ),
     ] = None,
     to: Annotated[Path, typer.Option("--to", help="Folder of the regression suite.")] = Path("regressions"),
-    campaign: Annotated[
-        Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
-    ] = Path("out"),
+    campaign: CampaignOption = Path("out"),
     as_: Annotated[
         str,
         typer.Option(
@@ -107,7 +106,7 @@ def verify(
     paths: Annotated[
         list[Path], typer.Argument(metavar="PATH", help="Mutants and files with `expected` lines, or folders of them.")
     ],
-    driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
+    driver: OtherDriverOption = "",
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
     ] = False,
@@ -174,12 +173,7 @@ def compare(
     drivers: Annotated[
         str, typer.Option("--drivers", metavar="OLD,NEW", help="Run the test cases of PATH with these two drivers.")
     ] = "",
-    format_: Annotated[
-        str,
-        format_option(
-            "text: for a terminal; markdown: for a pull request; json: for tools.", "text", "markdown", "json"
-        ),
-    ] = "text",
+    format_: ComparisonFormatOption = "text",
     exit_zero: ExitZeroOption = False,
     step_deadline: StepDeadlineOption = None,
     deadline: DeadlineOption = None,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.minimise import CampaignOption
+from foresee_dsl.cli.findings import CampaignOption
 from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, SeedOption, json_document
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.report.formats import CommandReport

@@ -165,9 +165,10 @@ def show(
 
             write_states(run.trace, states)
         if gif is not None:
+            from foresee_dsl.files import write_whole
             from foresee_dsl.report.show.film import film
 
-            _write_bytes(gif, film(run, from_s, to_s))
+            write_whole(gif, film(run, from_s, to_s))
         if step:
             _walk(console, page, from_s or 0.0, math.inf if to_s is None else to_s, every_s)
         else:
@@ -260,17 +261,10 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
 
 
 def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -> None:
+    from foresee_dsl.files import write_whole
     from foresee_dsl.report.drawing.svg import png_of_svg
     from foresee_dsl.report.strip import svg_of
 
     per_row = 3 if len(strips) == 1 else 6  # the moments of a mutant stand right below those of its parent
     svg = svg_of(strips, label, per_row=per_row)
-    _write_bytes(file, png_of_svg(svg) if as_png else svg.encode())
-
-
-def _write_bytes(file: Path, data: bytes) -> None:
-    from foresee_dsl.files import replacing
-
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as temporary:
-        temporary.write_bytes(data)
+    write_whole(file, png_of_svg(svg) if as_png else svg)

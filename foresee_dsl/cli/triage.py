@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.minimise import CampaignOption
+from foresee_dsl.cli.findings import CampaignOption, written_campaign
 from foresee_dsl.cli.options.common import JsonOption, console, print_json
 
 
@@ -45,15 +45,11 @@ def triage(
     foresee triage[/dim]
     """
     from foresee_dsl.campaign.findings.named_failure import find_failure
-    from foresee_dsl.campaign.findings.written import read_written
     from foresee_dsl.campaign.triage.decisions import Decision, Triage, decide, read_decisions, story_key
     from foresee_dsl.campaign.triage.standing import standing_of_written
     from foresee_dsl.errors import ForeseeError
 
-    data = read_written(campaign)
-    if not data:
-        raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
-                           "`--campaign OUT` names another folder")  # fmt: skip
+    data = written_campaign(campaign)
     standing = standing_of_written(data, campaign)
     if finding is None:
         entries = tuple(read_decisions(standing.file).values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -103,9 +103,7 @@ def sketch_case(case: TestCase) -> Sketch:
     builder, _ = _builder(case, net_file)
     placed, start_s, goal_s, problems = builder.attempt()
     background = builder.background(placed)[0] if not problems else []
-    named: set[tuple[int, str]] = set()
-    mistakes = tuple(_diagnostic(case, problem, named) for problem in problems)
-    actors = (*placed, *background)
+    actors, mistakes = (*placed, *background), _diagnostics(case, problems)
     return Sketch(network, signals, actors, start_s, goal_s, builder.places, problems, mistakes, builder.slippery)
 
 
@@ -124,8 +122,7 @@ def warnings_of(case: TestCase) -> tuple[Diagnostic, ...]:
         problems = _builder(case, _net_of(case.network))[0].warnings()
     except PlacementError:
         return ()
-    named: set[tuple[int, str]] = set()
-    return tuple(_diagnostic(case, problem, named) for problem in problems)
+    return _diagnostics(case, problems)
 
 
 def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnostic:
@@ -221,9 +218,12 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
     mutant, at the `change` line of the actor. A problem of the scenario is placed at the scenario's statement of the
     kind at fault. If the statement is in another file (the clip of a mutant), the message says so.
     """
+    return InputError(tuple(sorted(_diagnostics(case, problems), key=lambda d: d.start)))
+
+
+def _diagnostics(case: TestCase, problems: Iterable[Problem]) -> tuple[Diagnostic, ...]:
     named: set[tuple[int, str]] = set()
-    diagnostics = [_diagnostic(case, problem, named) for problem in problems]
-    return InputError(tuple(sorted(diagnostics, key=lambda d: d.start)))
+    return tuple(_diagnostic(case, problem, named) for problem in problems)
 
 
 def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Literal, cast, get_args
 
 from foresee_dsl.editor.files import Definition, Files
-from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
+from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots
 from foresee_dsl.editor.symbols import kind_named
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX, TRACKS
+from foresee_dsl.language.syntax.expected import words_of_terminals
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import EXAMPLES, UNITS, Dimension, dimension_of
 
@@ -65,7 +66,7 @@ def complete(files: Files, path: Path, text: str, offset: int) -> Completion:
         for suggestion in _of_slot(files, path, slot, place):
             suggestions.setdefault(suggestion.text, suggestion)
     if not place.in_string:
-        for word in words(terminals):
+        for word in words_of_terminals(terminals):
             suggestions.setdefault(word, _keyword(word))
     return Completion(tuple(suggestions.values()), len(place.word))
 
@@ -159,7 +160,9 @@ def _type_of_word(files: Files, path: Path, slot: Slot) -> str:
 def _properties(slot: Slot, place: Before) -> tuple[str, ...]:
     """Return the words that can follow an actor's name and a dot."""
     if slot.node.kind is m.Measure:
-        functions = words(accepted(place.text))  # `time`, `ttc(...)`: measures without an actor before them
+        functions = words_of_terminals(
+            accepted(place.text)
+        )  # `time`, `ttc(...)`: measures without an actor before them
         return (*(word for word in form_of(m.Measure, "what").words if word not in functions), "signal")
     return ("signal",) if slot.node.kind is m.Shows else ("route",)
 

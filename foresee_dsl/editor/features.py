@@ -11,7 +11,6 @@ from foresee_dsl.editor import navigate
 from foresee_dsl.editor.answers.fixes import fixes, with_names_of
 from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.completion import Suggestion, complete
-from foresee_dsl.editor.diagnosing import find, find_alone
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import hover as hover_of
 from foresee_dsl.editor.hover import results
@@ -193,15 +192,15 @@ def folding_ranges(session: Session, params: Json) -> list[Json]:
 def code_actions(session: Session, params: Json) -> list[Json]:
     """Return the quick fixes of the diagnostics at a place."""
     uri = _uri(params)
-    text, places, path, overlay = session.text(uri), session.positions(uri), path_of(uri), session.overlay()
+    text, places, path = session.text(uri), session.positions(uri), path_of(uri)
 
     @cache
     def check_text(text: str, placed: bool) -> tuple[Diagnostic, ...]:
         # actors are placed only for an error that needs it, as that is slow
-        every = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
+        every = session.find(uri, text, places=placed)
         return tuple(diagnostic for diagnostic in every if diagnostic.path == str(path))
 
-    adapt, lines = with_names_of(path, overlay), Lines(plain(text))
+    adapt, lines = with_names_of(path, session.overlay()), Lines(plain(text))
     actions = []
     for diagnostic in params["context"]["diagnostics"]:
         if diagnostic.get("source") != SOURCE:
@@ -254,7 +253,7 @@ def inlay_hints(session: Session, params: Json) -> list[Json]:
     uri = _uri(params)
     places = session.positions(uri)
     span = places.span(params["range"])
-    texts = [(hint.line, hint.column, hint.text) for hint in hints(session.text(uri), span.line, span.end_line)]
+    texts = list(hints(session.text(uri), span.line, span.end_line))
     for where, result in results(session.files(uri), path_of(uri)):
         if span.line <= where.end_line <= span.end_line:
             texts.append((where.end_line, where.end_column, f"= {result}"))

@@ -85,16 +85,6 @@ class Files:
         in_scope.setdefault(absolute(data_folder("scenarios") / "models.foresee"))
         return tuple(in_scope)
 
-    def parents(self, path: Path) -> tuple[Path, ...]:
-        """Return the files from which a clip, mutant or extension is derived, nearest first."""
-        parents: list[Path] = []
-        while (root := self.root(path)) is not None and isinstance(root.fields.get("parent"), str):
-            path = absolute(path.parent / str(root.fields["parent"]))
-            if path in parents:
-                break
-            parents.append(path)
-        return tuple(parents)
-
     def definitions(self, path: Path, *kinds: SymbolKind) -> dict[str, Definition]:
         """Return the definitions of some kinds that a file can use, by name; a nearer definition hides a farther
         one."""

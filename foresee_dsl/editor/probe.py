@@ -13,12 +13,12 @@ from typing import Any, cast
 
 from lark import Token, Tree
 from lark.exceptions import LarkError
-from lark.lexer import PatternStr
 from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 from foresee_dsl.editor.syntax import root_of, walk
 from foresee_dsl.language.model import Item
 from foresee_dsl.language.parser import plain
+from foresee_dsl.language.syntax.expected import text_of
 from foresee_dsl.language.syntax.grammar import parser
 from foresee_dsl.language.syntax.node import Node
 
@@ -33,7 +33,15 @@ _MORE = ("FUNCTION", "LPAR", "MINUS", "OPERATOR")
 """Terminals that turn a value into a calculation; they never end a statement."""
 _MOST_STEPS = 60
 """Maximum number of tokens that are tried to end a statement. Ours: the longest heads need about twenty."""
-_SAMPLES = {"NUMBER": "1", "NAME": "zz", "DOTTED": "zz.zz", "STRING": '"zz"', "PIN": "sha256:000000000000", "UNIT": "s"}
+_SAMPLES = {
+    "NUMBER": "1",
+    "NAME": "zz",
+    "DOTTED": "zz.zz",
+    "STRING": '"zz"',
+    "PIN": "sha256:000000000000",
+    "UNIT": "s",
+    "COMPARE": "<",
+}
 
 
 @dataclass(frozen=True)
@@ -101,12 +109,6 @@ def accepted(text: str) -> tuple[str, ...]:
     """Return the names of the terminals that may follow a text, sorted; empty if the text has an error already."""
     state: Any = _state(text)  # Lark's methods are untyped
     return tuple(sorted(state.accepts())) if state is not None else ()
-
-
-def words(terminals: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the fixed words among terminals."""
-    by_name = {t.name: t.pattern.value for t in parser().terminals if isinstance(t.pattern, PatternStr)}
-    return tuple(w for w in (by_name.get(name, "") for name in terminals) if w[:1].isalpha())
 
 
 def slots(text: str, terminals: tuple[str, ...]) -> Iterator[Slot]:
@@ -185,7 +187,7 @@ def _ended(parser_: InteractiveParser, first: str) -> Tree[Token] | None:
         seen.add((stack, chosen))
         if chosen == "$END":
             return cast("Tree[Token]", state.feed_eof())
-        state.feed_token(_token(chosen, _SAMPLES.get(chosen, "") or _text_of(chosen)))
+        state.feed_token(_token(chosen, _SAMPLES.get(chosen) or text_of(chosen) or "\n"))
         stack = tuple(state.parser_state.state_stack)
         chosen = next((name for name in _ranked(state) if (stack, name) not in seen), None)
     return None
@@ -195,11 +197,6 @@ def _ranked(parser_: InteractiveParser) -> list[str]:
     """Return the terminals that may follow, closing ones first."""
     state: Any = parser_  # as above
     return sorted(state.accepts(), key=lambda n: (_CLOSERS.index(n) if n in _CLOSERS else len(_CLOSERS), n in _MORE, n))
-
-
-def _text_of(terminal: str) -> str:
-    pattern = parser().get_terminal(terminal).pattern
-    return pattern.value if isinstance(pattern, PatternStr) else "<" if terminal == "COMPARE" else "\n"
 
 
 def _token(terminal: str, text: str) -> Token:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from foresee_dsl import __version__
@@ -52,10 +51,10 @@ class Server:
         """Answer until the client leaves; return 0 if it left as the protocol requires, else 1."""
         handlers: dict[str, Handler] = {
             "initialize": self._initialize,
-            "shutdown": self._shutdown,
+            "shutdown": lambda _: self._session.stop(),
             "textDocument/didOpen": self._opened,
             "textDocument/didChange": self._changed,
-            "textDocument/didSave": self._saved,
+            "textDocument/didSave": lambda params: self._session.check_soon(params["textDocument"]["uri"], places=True),
             "textDocument/didClose": lambda params: self._session.close(params["textDocument"]["uri"]),
             "workspace/didChangeWorkspaceFolders": self._folders,
             "foresee/draw": self._draw,
@@ -83,10 +82,6 @@ class Server:
         self._session.begin(encoding=encoding, folders=folders, refreshes=refreshes)
         return {"capabilities": _capabilities(encoding), "serverInfo": {"name": "foresee", "version": __version__}}
 
-    def _shutdown(self, params: object) -> None:
-        del params
-        self._session.stop()
-
     def _folders(self, params: Json) -> None:
         for folder in params["event"].get("removed", ()):
             self._session.folders.pop(folder["uri"], None)
@@ -104,9 +99,6 @@ class Server:
             # We ask for whole texts, not changes: files are short, and lines then end by our rules.
             self._session.put(document["uri"], change["text"], document.get("version") or 0)
         self._session.check_soon(document["uri"], places=False)
-
-    def _saved(self, params: Json) -> None:
-        self._session.check_soon(params["textDocument"]["uri"], places=True)
 
     # ---- requests -------------------------------------------------------------------------------------------------
 
@@ -136,7 +128,11 @@ class Server:
 
         def work() -> None:
             try:
-                self._connection.reply(request, _picture(path, overlay, params))
+                from foresee_dsl.report.picture.draw import answer
+
+                case, width = str(params.get("case") or ""), float(params.get("width") or 720)
+                picture = answer(path, overlay, case=case, width=width, whole=bool(params.get("whole")))
+                self._connection.reply(request, picture)
             except Exception as error:  # our own faults are answered too, as the page would wait for ever
                 message = f"foresee has a fault: {type(error).__name__}: {error}"
                 mistake = {"message": message, "path": "", "line": 0, "column": 0}
@@ -144,19 +140,6 @@ class Server:
 
         self._drawing.submit(work)
         return LATER
-
-
-def _picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:
-    """Return the picture of a file with the editor's texts, or its errors."""
-    from foresee_dsl.report.picture.draw import answer
-
-    return answer(
-        path,
-        overlay,
-        case=str(params.get("case") or ""),
-        width=float(params.get("width") or 720),
-        whole=bool(params.get("whole")),
-    )
 
 
 def _capabilities(encoding: str) -> Json:

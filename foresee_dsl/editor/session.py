@@ -6,9 +6,8 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, unquote, urlsplit
@@ -156,6 +155,14 @@ class Session:
                 self._due[due_uri] = _Due(at_s, places)
             self._news.notify()
 
+    def find(self, uri: str, text: str, *, places: bool) -> tuple[Diagnostic, ...]:
+        """Return the diagnostics of a text of a document, and of the files on which it builds; see `diagnosing`."""
+        from foresee_dsl.editor.diagnosing import find, find_alone
+
+        if is_file(uri):
+            return find(path_of(uri), text, self.overlay(), places=places)
+        return find_alone(text, str(path_of(uri)))
+
     def close(self, uri: str) -> None:
         """Forget a document that was closed, and remove its diagnostics."""
         with self._news:
@@ -207,19 +214,11 @@ class Session:
             yield
 
     def _check(self, uri: str, *, places: bool) -> None:
-        from foresee_dsl.editor.diagnosing import find, find_alone
-
         for also_places in (False, True) if places else (False,):
             document = self._open.get(uri)
             if document is None:
                 return
-            if is_file(uri):
-                work: Callable[[], tuple[Diagnostic, ...]] = partial(
-                    find, document.path, document.text, self.overlay(), places=also_places
-                )
-            else:
-                work = partial(find_alone, document.text, str(document.path))
-            diagnostics = work()
+            diagnostics = self.find(uri, document.text, places=also_places)
             with self._news:
                 now = self._open.get(uri)
                 if now is None or now.version != document.version or self._stopped:

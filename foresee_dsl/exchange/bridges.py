@@ -4,17 +4,15 @@ treat the world as flat.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY, distance
+from foresee_dsl.compile.roads.polyline import XY, interpolate, lengths
 from foresee_dsl.compile.roads.topology import Lane
 
 _ROUNDING_M = 1e-6
@@ -43,10 +41,8 @@ class Heights:
         lanes = {}
         for lane in root.iter("lane"):
             points = [[float(value) for value in point.split(",")] for point in lane.get("shape", "").split()]
-            marks = [0.0]
-            for (x0, y0, *_), (x1, y1, *_) in pairwise(points):
-                marks.append(marks[-1] + distance((x0, y0), (x1, y1)))
-            lanes[lane.get("id", "")] = tuple(marks), tuple(p[2] if len(p) > 2 else 0.0 for p in points)
+            marks = lengths([(x, y) for x, y, *_ in points])
+            lanes[lane.get("id", "")] = marks, tuple(p[2] if len(p) > 2 else 0.0 for p in points)
         return cls(lanes)
 
     @cached_property
@@ -61,12 +57,7 @@ class Heights:
 
     def at(self, lane: str, along_m: float) -> float:
         """Return a lane's height at a position along it, m."""
-        marks, heights = self.lanes[lane]
-        k = min(max(bisect_right(marks, along_m) - 1, 0), len(heights) - 1)
-        if k == len(heights) - 1 or marks[k + 1] <= marks[k]:
-            return heights[k]
-        share = min(max((along_m - marks[k]) / (marks[k + 1] - marks[k]), 0.0), 1.0)
-        return heights[k] + share * (heights[k + 1] - heights[k])
+        return interpolate(along_m, *self.lanes[lane])
 
 
 @dataclass(frozen=True)

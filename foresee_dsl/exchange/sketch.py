@@ -87,7 +87,7 @@ class _Reader:
 
     def _node(self, line: int, words: Sequence[tuple[str, int]]) -> None:
         (name, column), *rest = words
-        plain = _plain(name)
+        plain = plain_name(name)
         if not plain:
             help = f"a line is a node, {_NODE}, or a street, {_STREET}"
             self._wrong(line, column, name, f"`{name}` is not a name for a node", help)
@@ -116,7 +116,7 @@ class _Reader:
 
     def _street(self, line: int, words: Sequence[tuple[str, int]]) -> None:
         (ends, column), *rest = words
-        start, end = (_plain(name) for name in ends.split("-"))
+        start, end = (plain_name(name) for name in ends.split("-"))
         street = _Street(f"{start}_{end}", (start, end), line)
         if start == end:
             self._wrong(line, column, ends, "this street ends where it begins", "a street joins two nodes")
@@ -127,7 +127,7 @@ class _Reader:
             if key == "oneway":
                 street.settings["back"] = ("0", "")
             elif key == "name" and waiting:
-                street.name = _plain(waiting.pop(0)[0])
+                street.name = plain_name(waiting.pop(0)[0])
             elif key == "via":
                 self._via(street, line, (word, at), waiting)
             elif key in _NUMBERS:
@@ -232,7 +232,7 @@ def _same_units(unit: str) -> tuple[str, ...]:
     return tuple(other for other, what in UNITS.items() if what.dimension == UNITS[unit].dimension) if unit else ("",)
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """Return a name in the form of the language; "" if that is impossible."""
     plain = re.sub(r"\W+", "_", name.lower(), flags=re.ASCII).strip("_")
     return plain if re.match(r"[a-z]", plain) else ""

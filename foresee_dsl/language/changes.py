@@ -76,11 +76,6 @@ def weakened(before: tuple[m.ScenarioItem, ...], after: tuple[m.ScenarioItem, ..
     return next((now.name for was, now in pairs if now is not was and weaker(was, now)), None)
 
 
-def value_of(actor: Participant, name: str) -> _Value | None:
-    """Return an actor's value of a property (one of `PROPERTIES`) before any change; None if it has no value."""
-    return _had(actor, name, m.PROPERTIES[name])
-
-
 class _RefusedError(Exception):
     """Raised for a change that cannot be applied; it holds the field of the change that is wrong, and the reason."""
 
@@ -133,7 +128,7 @@ def _of_actor(
         raise _RefusedError("actor", "FS124", message, "name another actor")
     if isinstance(actor, m.Actor) and actor.first(m.Track) is not None:
         _check_beside_track(change, rule)
-    has = _had(actor, change.property, rule)
+    has = value_of(actor, change.property)
     if has is None:
         message = f"{actor.name} has no {change.property} that can change"
         help = f"replace its whole statement: `change {actor.kind} {actor.name}: ...`" if models is None else ""
@@ -259,8 +254,9 @@ def _replaced(actor: Participant, item: m.ActorItem) -> Participant:
     return _with(actor, body=(*(other for other in actor.body if not isinstance(other, type(item))), item))
 
 
-def _had(actor: Participant, name: str, rule: m.Property) -> _Value | None:
-    """Return the value that an actor's property had before a change; None if it has no value."""
+def value_of(actor: Participant, name: str) -> _Value | None:
+    """Return an actor's value of a property (one of `PROPERTIES`) before any change; None if it has no value."""
+    rule = m.PROPERTIES[name]
     if rule.statement is None:
         return _value(getattr(actor, name))
     if name == "speed" and actor.state is not None:

@@ -95,7 +95,7 @@ def parse(text: str, path: str) -> Document:
     model = models[0]
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
-    around = attach(nodes[0], span_of(header), reading.comments, text)
+    around = attach(nodes[0], span_of(header), reading.cut.comments, text)
     spans, calculates = builder.spans, maker.calculates or maker.settles
     return Document(path=path, text=text, model=model, spans=spans, comments=around, calculates=calculates)
 

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import re
 import traceback
+from itertools import dropwhile, takewhile
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import NamedTuple
 
 from foresee_dsl.errors import DriverError
@@ -20,6 +21,8 @@ LONGEST_REASON = 1000
 """Maximum number of characters of an exception's text in the reason. Ours: half of the limit of a text in a file."""
 LONGEST_TRACEBACK = 8000
 """Maximum number of characters of a traceback. Ours: a hundred lines."""
+_Entry = tuple[FrameType, int]
+"""An entry of a traceback: its frame, and the line."""
 _DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.M)
 
 
@@ -79,9 +82,9 @@ def place_of(err: BaseException) -> str:
     # The driver's own code is the package that the simulator called. A library that the package calls, such as numpy,
     # is not.
     top = _package(frames[0])
-    frame = [frame for frame in frames if _package(frame) == top][-1]
-    code = frame.tb_frame.f_code
-    return f"{Path(code.co_filename).name}:{frame.tb_lineno} ({code.co_qualname.replace('<locals>.', '')})"
+    frame, line = [entry for entry in frames if _package(entry) == top][-1]
+    code = frame.f_code
+    return f"{Path(code.co_filename).name}:{line} ({code.co_qualname.replace('<locals>.', '')})"
 
 
 def traceback_of(err: BaseException) -> str:
@@ -90,8 +93,7 @@ def traceback_of(err: BaseException) -> str:
     if not frames:
         return ""
     report = traceback.TracebackException(type(err), err, err.__traceback__)
-    inner = [frame.tb_frame.f_code for frame in frames]
-    stack = report.stack[-len(inner) - _watching(err.__traceback__) :][: len(inner)]
+    stack = report.stack[-len(frames) - _watching(err.__traceback__) :][: len(frames)]
     report.stack = traceback.StackSummary.from_list(stack)
     lines = list(report.format())
     text = "".join(lines[:-1] if isinstance(err, DriverHangs) else lines).rstrip()
@@ -116,36 +118,25 @@ def place_in_dump(dump: str) -> str:
     return f"{file.name}:{line} ({name})"
 
 
-def _own(trace: TracebackType | None) -> list[TracebackType]:
+def _own(trace: TracebackType | None) -> list[_Entry]:
     """Return the entries of a traceback from the first one in a driver's code on, without those that this module's
     watch added.
     """
-    entries = []
-    while trace is not None:
-        entries.append(trace)
-        trace = trace.tb_next
-    while entries and _is_ours(_file(entries[0])):
-        entries.pop(0)
-    while entries and _is_ours(_file(entries[-1])):
-        entries.pop()
-    return entries
+    entries = list(dropwhile(_in_ours, traceback.walk_tb(trace)))
+    return entries[: len(entries) - _watching(trace)]
 
 
 def _watching(trace: TracebackType | None) -> int:
     """Return how many entries at the end of a traceback belong to the simulator, which interrupted the driver there."""
-    count = 0
-    while trace is not None:
-        count = count + 1 if _is_ours(_file(trace)) else 0
-        trace = trace.tb_next
-    return count
+    return len(list(takewhile(_in_ours, reversed(list(traceback.walk_tb(trace))))))
 
 
-def _file(entry: TracebackType) -> Path:
-    return Path(entry.tb_frame.f_code.co_filename)
+def _in_ours(entry: _Entry) -> bool:
+    return _is_ours(Path(entry[0].f_code.co_filename))
 
 
-def _package(entry: TracebackType) -> str:
-    return str(entry.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+def _package(entry: _Entry) -> str:
+    return str(entry[0].f_globals.get("__name__", "")).partition(".")[0]
 
 
 def _is_ours(file: Path) -> bool:

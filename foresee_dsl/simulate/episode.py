@@ -6,15 +6,12 @@ controls.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.compiling import ensure
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
+from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.driver_watch import DriverWatch
 from foresee_dsl.simulate.judging import Frame
@@ -38,26 +35,23 @@ class Episode:
         *,
         seed: int = 0,
         name: str = "caller",
-        version: str = "1",
-        meta: Mapping[str, Any] | None = None,
         sensors: SensorSettings = STANDARD,
-        rules: RulesMode = RULES_MODE,
     ) -> None:
         """Set the scene up and observe its first frame.
 
         Args:
             bundle: the compiled test case.
             seed: the seed of the sensors' noise and of the track numbers.
-            name, version: name and version of the caller; the trace records them as those of the driver.
-            meta, sensors, rules: as in `runner.run`.
+            name: name of the caller; the trace records it as that of the driver.
+            sensors: as in `runner.run`.
 
         Raises:
             SimulationError: the scene cannot be set up in SUMO.
         """
         ensure()
-        caller = _Caller(name, version)
+        caller = _Caller(name)
         watch = DriverWatch(None, bundle.scene.end_s)  # an episode has no driver that could hang
-        self._run = Run(bundle, caller, seed, dict(meta or {}), sensors, watch, rules)
+        self._run = Run(bundle, caller, seed, {}, sensors, watch, RULES_MODE)
         self.result: RunResult | None = None
         self._run.reset()
         self.mission, self.vehicle = caller.mission, caller.vehicle
@@ -102,8 +96,8 @@ class _Caller:
     mission: Mission
     vehicle: VehicleLimits
 
-    def __init__(self, name: str, version: str) -> None:
-        self.name, self.version = name, version
+    def __init__(self, name: str) -> None:
+        self.name, self.version = name, "1"
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  as every driver
         """Keep the mission and the vehicle."""

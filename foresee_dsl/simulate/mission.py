@@ -15,10 +15,7 @@ from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
 from foresee_dsl.drivers.road_map import build_road_map, lanes_along
 from foresee_dsl.errors import SimulationError
-from foresee_dsl.simulate.actors.dynamics import limits_of
 from foresee_dsl.simulate.trace import STEP_S
-
-__all__ = ["limits_of", "mission_of"]
 
 STOP_BEFORE_M = 1.0
 """Distance of the stop line from the lanes inside the junction, m; SUMO's vehicles stop there."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.deadlines import DEADLINES, RESET_VARIABLE, STEP_VARIABLE, Deadlines
-from foresee_dsl.drivers.following import Deviation, Follower
+from foresee_dsl.drivers.following import Follower
 from foresee_dsl.drivers.parts import DriverPart, PlannedMotion, Planning, WithParts, parts_of
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Trajectory
 from foresee_dsl.errors import DriverError, DriverLateError, SimulationError
@@ -309,7 +309,7 @@ class Run:
             "verdict": decision.verdict.value,
             "reason": reason,
             "infractions": [asdict(infraction) for infraction in infractions],
-            **_tracking(deviation),
+            **({"tracking": asdict(deviation)} if deviation is not None else {}),
             **({"goal": series.as_meta()} if series is not None else {}),
             **self._meta,
         }
@@ -331,11 +331,6 @@ class Run:
             notes=self._notes,
             tracking=deviation,
         )
-
-
-def _tracking(deviation: Deviation | None) -> dict[str, object]:
-    """Return the entry of a trace's `meta` about the trajectories; none if the driver answered controls only."""
-    return {"tracking": asdict(deviation)} if deviation is not None else {}
 
 
 def _of_rules(decision: Decision, infractions: tuple[Infraction, ...]) -> Decision:

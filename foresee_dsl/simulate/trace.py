@@ -276,19 +276,16 @@ class Trace:
         if written != FORMAT:
             raise ValueError(f"{name} has trace format {written!s:.20}, this version reads {FORMAT}")
         try:
-            _check_header(header)
             arrays = {key: data[key] for key in cls._ARRAYS}
+            checked = _header_type().validate_python(header)
             trace = cls(
                 **arrays,
-                actors=tuple(
-                    ActorInfo(**{**a, "route": tuple(a["route"]), "path": tuple((x, y) for x, y in a["path"])})
-                    for a in header["actors"]
-                ),
-                lane_ids=tuple(header["lane_ids"]),
-                signals=tuple(header["signals"]),
-                signal_stages=tuple(tuple(s) for s in header["signal_stages"]),
-                events=tuple(Event(**e) for e in header["events"]),
-                meta=dict(header["meta"]),
+                actors=checked["actors"],
+                lane_ids=checked["lane_ids"],
+                signals=checked["signals"],
+                signal_stages=checked["signal_stages"],
+                events=checked["events"],
+                meta=checked["meta"],
                 director=DirectorRecord.of_json(data["director"].tobytes()) if "director" in data else None,
             )
             trace._check_shapes()
@@ -340,17 +337,12 @@ class _Header(TypedDict):
     """The part of a trace that its file holds as JSON."""
 
     format: int
-    actors: list[ActorInfo]
-    lane_ids: list[str]
-    signals: list[str]
-    signal_stages: list[list[str]]
-    events: list[Event]
+    actors: tuple[ActorInfo, ...]
+    lane_ids: tuple[str, ...]
+    signals: tuple[str, ...]
+    signal_stages: tuple[tuple[str, ...], ...]
+    events: tuple[Event, ...]
     meta: dict[str, Any]
-
-
-def _check_header(header: object) -> None:
-    """Raise a `ValueError` for a header that this package cannot have written."""
-    _header_type().validate_python(header)
 
 
 @cache

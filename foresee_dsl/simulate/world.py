@@ -63,7 +63,6 @@ class _Vehicle:
 
     cruise_mps: float = 0.0
     edge: str = ""  # the last edge outside junctions, followed by the underscore of its lane ids
-    lane: str = ""  # the lane that the vehicle was on after the last step
     factor: float = 1.0
     top_mps: float = math.nan  # the last top speed set in SUMO
     placed: bool = False
@@ -80,7 +79,7 @@ class VehicleStates(NamedTuple):
     Attributes:
         names: their ids; the same object as after the previous step if the ids did not change.
         numbers: [3 N] for each vehicle x, y of the middle of its front bumper, m; then the N speeds, m/s.
-        changed: id and lane of each vehicle that is on another lane than after the previous step.
+        changed: id and lane of each vehicle that may be on another lane than after the previous step.
     """
 
     names: tuple[str, ...]
@@ -290,11 +289,9 @@ class World:
         for index in indices:
             name, lane = self._names[index], reader.lane(index)
             state = self._vehicles[name]
-            if state.lane != lane:
-                changed.append((name, lane))
-                state.lane = lane
-                if state.cruise_mps and not lane.startswith((":", state.edge)):
-                    self._limit_speed(name, state, lane)
+            changed.append((name, lane))
+            if state.cruise_mps and not lane.startswith((":", state.edge)):
+                self._limit_speed(name, state, lane)
         return VehicleStates(self._names, reader.numbers, changed)
 
     def _forget(self, vehicle: str) -> None:

@@ -20,8 +20,7 @@ from foresee_dsl.campaign.allocation.adaptive import (
     ranked,
     worths,
 )
-from foresee_dsl.campaign.allocation.draws import PastChild, Way
-from foresee_dsl.campaign.allocation.facts import ChildFacts
+from foresee_dsl.campaign.allocation.draws import ChildFacts, PastChild, Way
 from foresee_dsl.campaign.allocation.rounds import Round, spread
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.plan import plan_campaign

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.allocation.facts import ChildFacts
+from foresee_dsl.campaign.allocation.draws import ChildFacts
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.goal import left_out, with_goal
 from foresee_dsl.campaign.records import ChildOutcome

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.allocation.adaptive import Adaptive
-from foresee_dsl.campaign.allocation.draws import ClipGroup, PastChild, Way
+from foresee_dsl.campaign.allocation.draws import ChildFacts, ClipGroup, PastChild, Way
 from foresee_dsl.campaign.allocation.earlier import EarlierMutants
-from foresee_dsl.campaign.allocation.facts import ChildFacts
 from foresee_dsl.campaign.allocation.rounds import METHODS
 from foresee_dsl.campaign.allocation.stories import Archive, Estimates, Stories
 from foresee_dsl.campaign.driving import run_test_case

@@ -206,17 +206,17 @@ def test_walks_stay_on_footways_and_name_their_crossings(road):
     ways = walkways(road)
     assert len(ways.sidewalks) == 8 and len(ways.crossings) == 4
     walk = ways.walk((4.3, -60), 600, np.random.default_rng(3))
-    assert np.hypot(*np.diff(walk.points, axis=0).T).sum() >= 600
-    assert np.hypot(*np.subtract(walk.points[0], (4.3, -60))) < 0.1
-    assert walk.crossings, "600 m on arms of 110 m lead over a crossing"
-    s = np.concatenate(([0], np.cumsum(np.hypot(*np.diff(walk.points, axis=0).T))))
-    for part in walk.crossings:
-        assert part.tls == "j4" and part.link in {c.link for c in road.crossings.values()}
-        middle = (part.enter_s + part.exit_s) / 2
-        x, y = (np.interp(middle, s, values) for values in zip(*walk.points, strict=True))
+    assert np.hypot(*np.diff(walk, axis=0).T).sum() >= 600
+    assert np.hypot(*np.subtract(walk[0], (4.3, -60))) < 0.1
+    assert ways.stops_on(walk), "600 m on arms of 110 m lead over a crossing"
+    s = np.concatenate(([0], np.cumsum(np.hypot(*np.diff(walk, axis=0).T))))
+    for enter_s, exit_s, tls, link in ways.stops_on(walk):
+        assert tls == "j4" and link in {c.link for c in road.crossings.values()}
+        middle = (enter_s + exit_s) / 2
+        x, y = (np.interp(middle, s, values) for values in zip(*walk, strict=True))
         assert road.off_road_depth(np.array([(x, y)]))[0] == 0
     again = ways.walk((4.3, -60), 600, np.random.default_rng(3))
-    assert walk.points == again.points
+    assert walk == again
 
 
 def test_every_route_of_a_real_town_connects(carla):
@@ -256,4 +256,4 @@ def test_a_footway_leads_on_across_a_walking_area() -> None:
     assert ways.neighbours[area] == {("a", 1): None, ("b", 0): None}
     assert ways._onward(("a", 1)) == [("b", 0)]
     walk = ways.walk((2.0, -1.0), 30.0, np.random.default_rng(2))
-    assert walk is not None and {(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)} <= set(walk.points)  # from end to end
+    assert walk is not None and {(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)} <= set(walk)  # from end to end

@@ -11,7 +11,7 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import PlacedActor, Scene
 from foresee_dsl.compile.placement import scene as scenes
-from foresee_dsl.compile.placement.placed_before import PlacedBefore
+from foresee_dsl.compile.placement.spots import PlacedBefore
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language import model as m

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from foresee_dsl.compile.placement.smooth import beside
+from foresee_dsl.compile.placement.paths import smooth_beside
 from foresee_dsl.compile.roads.polyline import Polyline, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
@@ -33,23 +33,23 @@ def slowest_kmh(points: tuple[tuple[float, float], ...]) -> float:
 def test_a_bicycle_does_not_slow_down_at_each_corner_of_a_roundabout() -> None:
     corners = tuple(RING.at(s, 1.9)[:2] for s in range(0, int(RING.length_m), 5))
     assert slowest_kmh(corners) < 18
-    smooth = beside(RING, 0.0, RING.length_m, left_m=1.9)
+    smooth = smooth_beside(RING, 0.0, RING.length_m, left_m=1.9)
     assert slowest_kmh(smooth) > 22  # a circle of 17.6 m is taken with 23 km/h
     radii = [math.hypot(x, y) for x, y in smooth[8:-8]]
     assert max(radii) - min(radii) < 0.15
 
 
 def test_it_begins_and_ends_beside_the_places_that_are_named() -> None:
-    smooth = beside(RING, 5.0, 60.0, left_m=-1.5)
+    smooth = smooth_beside(RING, 5.0, 60.0, left_m=-1.5)
     for mark, xy in ((5.0, smooth[0]), (60.0, smooth[-1])):
         assert xy == pytest.approx(RING.at(mark, -1.5)[:2], abs=0.3)
-    assert beside(RING, 60.0, 5.0, left_m=-1.5) == smooth[::-1]
+    assert smooth_beside(RING, 60.0, 5.0, left_m=-1.5) == smooth[::-1]
 
 
 def test_a_bend_that_is_narrower_than_the_offset_is_refused() -> None:
     hook = Polyline.of([(3.0 * math.cos(k * math.pi / 8), 3.0 * math.sin(k * math.pi / 8)) for k in range(9)])
     with pytest.raises(RouteError, match="4 m beside this part of the route no line is left"):
-        beside(hook, 0.0, hook.length_m, left_m=4.0)
+        smooth_beside(hook, 0.0, hook.length_m, left_m=4.0)
 
 
 def test_lengths_count_from_where_the_other_actor_starts() -> None:

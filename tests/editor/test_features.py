@@ -136,7 +136,7 @@ def test_a_case_is_renamed_in_every_file_that_names_it(project: Path) -> None:
 
 
 def test_hints_say_speeds_in_metres_a_second() -> None:
-    assert [(hint.line, hint.text) for hint in hints(BASE, 1, 100)] == [(10, "= 10.00 m/s"), (23, "= 8.94 m/s")]
+    assert [(line, text) for line, _, text in hints(BASE, 1, 100)] == [(10, "= 10.00 m/s"), (23, "= 8.94 m/s")]
     assert list(hints(BASE, 11, 18)) == []
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.simulate.mission import limits_of, mission_of
+from foresee_dsl.simulate.actors.dynamics import limits_of
+from foresee_dsl.simulate.mission import mission_of
 from tests.support.worlds import EGO, PLAIN, case_of, four_arms, t_junction
 
 

@@ -26,7 +26,7 @@ AGAIN = 0.1
 """
 NEAR_MISS = 0.2
 """Worth of a pass with the nearest possible miss; any other pass is worth this times the square of its nearness
-(`facts.nearness_of`).
+(`draws.nearness_of`).
 """
 WAY_WEIGHT = 8.0
 """When the worth of a way of drawing mutants is estimated, this many imagined mutants of average worth are added, so

@@ -20,8 +20,15 @@ import numpy as np
 
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.adaptive import Adaptive
-from foresee_dsl.campaign.allocation.draws import DrawnChild, Method, PastChild, RoundBudget, Unit, clip_draws
-from foresee_dsl.campaign.allocation.facts import ChildFacts
+from foresee_dsl.campaign.allocation.draws import (
+    ChildFacts,
+    DrawnChild,
+    Method,
+    PastChild,
+    RoundBudget,
+    Unit,
+    clip_draws,
+)
 from foresee_dsl.campaign.allocation.stories import Stories
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, decode
 from foresee_dsl.campaign.steps.child import ChildStep

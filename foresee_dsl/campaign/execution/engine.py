@@ -162,9 +162,7 @@ def run_missing(
     Raises:
         StoreError: the store can no longer be written; it has the finished results.
     """
-    run = _CampaignRun(stages, store, CaseFiles(work / "cases"), listeners, options)
-    broken, stopped = run.until_done(minimise=minimise)
-    return CampaignEnd(tuple(sorted(broken)), stopped)
+    return _CampaignRun(stages, store, CaseFiles(work / "cases"), listeners, options).until_done(minimise=minimise)
 
 
 class _CampaignRun:
@@ -198,8 +196,8 @@ class _CampaignRun:
         self._stopped_early = False
         """Whether the campaign was stopped while it was determining the missing steps."""
 
-    def until_done(self, *, minimise: bool) -> tuple[list[str], bool]:
-        """Run the missing steps; return those that could not be run, and whether the campaign was stopped."""
+    def until_done(self, *, minimise: bool) -> CampaignEnd:
+        """Run the missing steps."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
@@ -215,7 +213,7 @@ class _CampaignRun:
                 if self._stopped or not roots:
                     break
                 self._broken.clear()
-            return self._broken, self._stopped
+            return CampaignEnd(tuple(sorted(self._broken)), self._stopped)
         finally:
             if self._executor is not None:
                 self._executor.close()

@@ -164,7 +164,7 @@ def findings_of(seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]) -
     for failure in _failures(seeds, clips):
         groups[story_cell(failure.family, failure.story_as_found)].append(failure)
     findings = (_joined(sorted(g, key=lambda f: (_simplicity(f.representative), f.name))) for g in groups.values())
-    return tuple(sorted(findings, key=lambda f: (_family_order(f.family), -f.count, f.name)))
+    return tuple(sorted(findings, key=lambda f: (family_order(f.family), -f.count, f.name)))
 
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -217,7 +217,8 @@ def _case_words(finding: Finding, story: str) -> str:
     return " ".join(words)
 
 
-def _family_order(family: str) -> tuple[bool, int, str]:
+def family_order(family: str) -> tuple[bool, int, str]:
+    """Return the sort key of a family, in the order of the paper's table; the empty one (no tag) is last."""
     return (not family.isdigit(), int(family) if family.isdigit() else 0, family)
 
 

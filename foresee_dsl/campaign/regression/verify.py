@@ -40,6 +40,11 @@ LONGEST_S = 300.0
 """Longest simulated time of a run, s; the deadline of its process follows from this. Ours: no test case of the library
 is longer. Each run also ends after the length of its test case.
 """
+HARMLESS_EDIT = (
+    "its parent was edited, but the edit does not change this test: `foresee repin --write` records the parent's new "
+    "state"
+)
+"""Note on a test whose parent was edited in a way that does not reach it."""
 
 
 @dataclass(frozen=True)
@@ -122,11 +127,7 @@ def verify_files(
     notes = reached([test.file for test in stale])
     harmless = [test for test in stale if notes.get(test.file) == ""]
     for test, seen in zip(harmless, pool.run(harmless, check_pin=False), strict=True):
-        note = (
-            "its parent was edited, but the edit does not change this test: `foresee repin --write` records the "
-            "parent's new state"
-        )
-        results[test] = replace(seen, note=note)
+        results[test] = replace(seen, note=HARMLESS_EDIT)
     for test in stale:
         if why := notes.get(test.file):
             results[test] = replace(results[test], note=why)

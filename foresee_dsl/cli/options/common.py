@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from foresee_dsl.campaign.profiling.tasks import Profiler
+
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 """Exit codes: nothing failed; failures were found or the input has errors; wrong usage; a fault of foresee itself."""
 
@@ -86,6 +88,16 @@ OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into
 PresetOption = Annotated[
     str, typer.Option("--preset", help="How clips are mutated: focused, avoidable, or paper (exactly as in the paper).")
 ]
+
+
+@contextmanager
+def profiling() -> Iterator[Profiler]:
+    """Measure the time that is spent inside this context, for `--profile`, and yield the profiler."""
+    from foresee_dsl.campaign.profiling.tasks import Profiler
+
+    profiler = Profiler()
+    with profiler.command():
+        yield profiler
 
 
 class Consenting(TyperCommand):

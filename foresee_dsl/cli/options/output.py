@@ -53,6 +53,10 @@ FormatOption = Annotated[
         "text", "json", "junit", "github", "sarif",
     ),
 ]  # fmt: skip
+ComparisonFormatOption = Annotated[
+    str,
+    format_option("text: for a terminal; markdown: for a pull request; json: for tools.", "text", "markdown", "json"),
+]
 JunitOption = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write JUnit XML to this file.")]
 _OutputOption = Annotated[
     Path | None,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, json_document, print_json
-from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.cli.options.output import ComparisonFormatOption, report_results
 from foresee_dsl.errors import InputError
 from foresee_dsl.report.formats import CommandReport
 
@@ -30,12 +30,7 @@ def diff(
         str,
         typer.Argument(metavar="NEW", help="The new file, or FILE::CASE; without it, OLD is compared with its parent."),
     ] = "",
-    format: Annotated[
-        str,
-        format_option(
-            "text: for a terminal; markdown: for a pull request; json: for tools.", "text", "markdown", "json"
-        ),
-    ] = "text",
+    format: ComparisonFormatOption = "text",
     json: JsonOption = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit with 1 if they differ, as git diff does.")

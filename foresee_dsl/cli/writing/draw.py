@@ -65,7 +65,7 @@ def draw(
 
         serve(address, svg=svg, whole=whole, port=port, allow_outside=allow_outside, say=_say)
         return
-    from foresee_dsl.files import replacing, write_whole
+    from foresee_dsl.files import write_whole
     from foresee_dsl.report.drawing.svg import svg_of
     from foresee_dsl.report.picture.draw import draw as drawing_of
 
@@ -79,10 +79,7 @@ def draw(
     if png is not None:
         from foresee_dsl.report.drawing.svg import png_of_svg
 
-        data = png_of_svg(svg_of(drawing.sheet, scheme="dark" if dark else "light"))
-        png.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(png) as temporary:
-            temporary.write_bytes(data)
+        write_whole(png, png_of_svg(svg_of(drawing.sheet, scheme="dark" if dark else "light")))
         _say(f"wrote {png}")
     if drawing.subject.mistakes:
         for number, mistake in enumerate(drawing.subject.mistakes, start=1):

@@ -104,14 +104,14 @@ def init(
     folder = Path(what)
     if sketch or out is not None or scenario is not None:
         raise typer.BadParameter("a sketch, --out and --scenario can only be used with `foresee init network SKETCH`")
+    from foresee_dsl.exchange.sketch import plain_name
     from foresee_dsl.files import templates, write_whole
 
     kind = _kind_of(driver)
     address = driver if kind is None else kind.driver
     ci_file = _CI_FILES[ci]
-    name = re.sub(r"\W+", "_", folder.resolve().name.lower(), flags=re.ASCII).strip("_")
     values = {
-        "name": name if re.match(r"[a-z]", name) else "first",
+        "name": plain_name(folder.resolve().name) or "first",
         "driver": address if re.fullmatch(r"\w+", address) else f'"{address}"',
         "address": address,
         "quoted": shlex.quote(address),
@@ -222,7 +222,7 @@ def _network(sketch: str, out: Path | None, scenario: Path | None) -> None:
     import sys
 
     from foresee_dsl.errors import ForeseeError
-    from foresee_dsl.exchange.sketch import checked_text, network_of_sketch, starter_of
+    from foresee_dsl.exchange.sketch import checked_text, network_of_sketch, plain_name, starter_of
     from foresee_dsl.files import write_whole
     from foresee_dsl.language.printer import print_model
 
@@ -242,18 +242,14 @@ def _network(sketch: str, out: Path | None, scenario: Path | None) -> None:
             raise ForeseeError(f"the sketch {sketch} cannot be read: {err}") from err
         file = out or Path(sketch).with_suffix(".foresee")
     _refuse_existing([file] if scenario is None else [file, scenario])
-    network = network_of_sketch(text, _name(file), source)
+    network = network_of_sketch(text, plain_name(file.resolve().stem) or "streets", source)
     texts = {file: checked_text(network, source)}
     if scenario is not None:
         used = os.path.relpath(file, scenario.parent).replace(os.sep, "/")
-        texts[scenario] = print_model(starter_of(network, _name(scenario), used))
+        name = plain_name(scenario.resolve().stem) or "streets"
+        texts[scenario] = print_model(starter_of(network, name, used))
     for target, written in texts.items():
         write_whole(target, written)
         typer.echo(f"wrote {target}")
     if scenario is not None:
         typer.echo(f"\nNext:\n  foresee run {scenario}")
-
-
-def _name(file: Path) -> str:
-    name = re.sub(r"\W+", "_", file.resolve().stem.lower(), flags=re.ASCII).strip("_")
-    return name if re.match(r"[a-z]", name) else "streets"

@@ -17,6 +17,7 @@ from foresee_dsl.compile.roads.polyline import (
     distinct,
     first_ahead,
     lengths,
+    stretch,
     wrap,
 )
 from foresee_dsl.compile.roads.topology import Lane, Movement, Topology
@@ -258,17 +259,10 @@ def _outside(net: Topology, movement: Movement, areas: Areas) -> GeometryFault |
 
 def ending(shape: Points) -> Points:
     """Return the last 3 m of a lane."""
-    return tuple(reversed(beginning(tuple(reversed(shape)))))
+    end = lengths(shape)[-1]
+    return stretch(shape, max(end - _BESIDE_M, 0.0), end)
 
 
 def beginning(shape: Points) -> Points:
     """Return the first 3 m of a lane."""
-    points, so_far = [shape[0]], 0.0
-    for a, b in pairwise(shape):
-        step = distance(a, b)
-        if so_far + step >= _BESIDE_M:
-            share = (_BESIDE_M - so_far) / step
-            return (*points, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
-        points.append(b)
-        so_far += step
-    return tuple(points)
+    return stretch(shape, 0.0, min(lengths(shape)[-1], _BESIDE_M))

@@ -159,9 +159,9 @@ class _Around:
             walk = walkways(self._network).walk(self._sidewalk_places[int(k)], cruise * self._end_s, self._rng)
             if walk is None:
                 return
-            pose = Polyline.of(walk.points[:2]).at(0.0)
+            pose = Polyline.of(walk[:2]).at(0.0)
             actor = PlacedActor(name, spec, "path", *pose, speed_mps=cruise, cruise_mps=cruise)
-            yield replace(actor, path=walk.points, walk_stops=walk.stops)
+            yield replace(actor, path=walk, walk_stops=walkways(self._network).stops_on(walk))
 
     def _parked(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
         """Yield the parked vehicle, which is an obstacle, at each candidate place on a strip, in random order."""

@@ -12,8 +12,9 @@ from foresee_dsl.compile.placement.starts import OFF_ROUTE_M
 from foresee_dsl.compile.placement.statements import lane_kind, path_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
+from foresee_dsl.compile.roads.routing import metres
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.errors import measured
+from foresee_dsl.errors import Message, measured
 from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written
@@ -43,28 +44,23 @@ def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) 
         kind = lane_kind(placed.model)
         away = network.distance_to_lanes(placed.x, placed.y, kind)
         if away > OFF_ROUTE_M:
-            how_far = measured(f"{away:.1f}") + " m" if math.isfinite(away) else "nowhere"
+            how_far = metres(away) if math.isfinite(away) else "nowhere"
             message = f"{placed.id} is off the road: the nearest lane for a {kind} is " + how_far + " away"
             yield Problem(placed.id, at, "FS253", message, _nearest_road(placed.x, placed.y, network))
         return
     far = network.far_from_lanes(((placed.x, placed.y), *placed.path), NEAR_ROAD_M)
     if far is not None:
-        x, y = far
-        spot = "(" + measured(f"{x:.1f}") + " m, " + measured(f"{y:.1f}") + " m)"
-        message = f"{placed.id} is off the road: " + spot + f" is over {NEAR_ROAD_M:.0f} m from every lane"
-        yield Problem(placed.id, at, "FS253", message, _nearest_road(x, y, network))
+        message = f"{placed.id} is off the road: " + _spot(far) + f" is over {NEAR_ROAD_M:.0f} m from every lane"
+        yield Problem(placed.id, at, "FS253", message, _nearest_road(*far, network))
     wall = network.wall_on_the_way(placed.path or ((placed.x, placed.y),))
     if wall is not None:
-        x, y = wall
-        message = (
-            f"{placed.id} is in a building: its outline has a corner at ("
-            + measured(f"{x:.1f}")
-            + " m, "
-            + measured(f"{y:.1f}")
-            + " m)"
-        )
+        message = f"{placed.id} is in a building: its outline has a corner at " + _spot(wall)
         help_ = "lead it around the building, or make the building smaller"
         yield Problem(placed.id, at, "FS259", message, help_)
+
+
+def _spot(place: XY) -> Message:
+    return "(" + metres(place[0]) + ", " + metres(place[1]) + ")"
 
 
 def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:
@@ -78,13 +74,8 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
     if too_fast is not None:
         at, speed = too_fast
         most = placed.model.max_speed_mps * slack / slack * 3.6
-        message = (
-            f"{placed.id} has a speed of "
-            + measured(f"{speed * 3.6:.0f}")
-            + f" km/h, but {placed.model.name} can reach only "
-            + measured(f"{most:.0f}")
-            + " km/h"
-        )
+        drives, reaches = (measured(f"{kmh:.0f}") + " km/h" for kmh in (speed * 3.6, most))
+        message = f"{placed.id} has a speed of " + drives + f", but {placed.model.name} can reach only " + reaches
         help_ = "use at most " + write(f"{math.floor(most)} km/h") + ", or a faster model"
         yield Problem(placed.id, at, "FS256", message, help_)
 
@@ -127,11 +118,7 @@ def of_slippery(patches: Iterable[SlipperyPatch], network: RoadNetwork) -> Itera
     for patch in patches:
         away = min(network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
         if away > patch.radius_m:
-            message = (
-                f"{patch.name} lies beside the road: the nearest lane is "
-                + measured(f"{away:.1f}")
-                + " m from its middle"
-            )
+            message = f"{patch.name} lies beside the road: the nearest lane is " + metres(away) + " from its middle"
             help_ = "put it on a lane, such as " + write("20 m along ego.route") + ", or make it larger"
             yield Problem("", "slippery", "FS331", message, help_, patch.name)
 
@@ -147,14 +134,9 @@ def of_paths(
         kinds: tuple[LaneKind, ...] = ("car", "bus", "bicycle", "pedestrian")
         away = min(network.distance_to_lanes(x, y, kind) for x, y in line_of(actor.path).xy for kind in kinds)
         if away > actor.model.width_m / 2:
-            message = (
-                f"the path of {actor.id} comes to no road: the nearest lane is "
-                + measured(f"{away:.1f}")
-                + " m from it"
-            )
-            help_ = "lead it onto a road, such as " + write(
-                "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
-            )
+            message = f"the path of {actor.id} comes to no road: the nearest lane is " + metres(away) + " from it"
+            example = "path [20 m along ego.route offset -5 m, 20 m along ego.route]"
+            help_ = "lead it onto a road, such as " + write(example)
             yield Problem(actor.id, path.kind, "FS332", message, help_)
 
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
-from foresee_dsl.compile.bundle import DoorOf, ModelSpec, PlacedActor
+from foresee_dsl.compile.bundle import DoorOf, PlacedActor
+from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.document import Problem
@@ -89,21 +90,13 @@ def hinge_m(length_m: float) -> float:
 
 _BODY = PlacedActor(
     id="",
-    model=ModelSpec(
-        name=_MODEL,
-        kind="obstacle",
-        length_m=DOOR_LENGTH_M,
-        width_m=DOOR_WIDTH_M,
-        wheelbase_m=0.0,
-        front_overhang_m=0.0,
-        mass_kg=0.0,
-        max_speed_mps=0.0,
-        acceleration_mps2=0.0,
-        braking_mps2=0.0,
-        emergency_braking_mps2=0.0,
-        max_steer_rad=0.0,
-        steer_rate_rad_s=0.0,
-        height_m=1.3,
+    model=spec_of(
+        m.VehicleModel(
+            name=_MODEL,
+            length=m.Quantity.of(DOOR_LENGTH_M, "length", 2),
+            width=m.Quantity.of(DOOR_WIDTH_M, "length", 2),
+            height=m.Quantity.of(1.3, "length", 1),
+        )
     ),
     control="static",
     x=0.0,

@@ -14,7 +14,7 @@ from foresee_dsl.compile.placement.spots import Spot, UnsettledError
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, distance_to, line_of
-from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.routing import RouteError, metres
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import MessageText, measured
 from foresee_dsl.helps import HelpText, one_of, write
@@ -57,6 +57,8 @@ class NameChecks:
             for item in actor.body:
                 if isinstance(item, m.IgnoresRule | m.MeetsState) and item.junction is not None:
                     yield from self._junction(actor.name, item.kind, word_of(item.junction))
+                if isinstance(item, m.MeetsState):
+                    yield from self._meeting(actor.name, item.kind, actor.name, item, by_name)
         for state in scenario.all(m.SignalState):
             yield from self._stage(state.kind, word_of(state.junction), word_of(state.stage))
         for kind, condition in _conditions(scenario):
@@ -65,8 +67,6 @@ class NameChecks:
         for when in scenario.all(m.When):
             for action in all_actions(when.actions):
                 yield from self._action(when.kind, action, by_name)
-        if not self._case.snapshot:  # a clip's routes lack the junctions that were passed before it begins
-            yield from self._meetings(by_name)
 
     def _part(self, kind: str, part: m.Condition, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         if isinstance(part, m.Comparison) and isinstance(part.left, m.Measure) and part.left.other is not None:
@@ -141,7 +141,10 @@ class NameChecks:
 
     def _action(self, kind: str, action: m.Action, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         match action:
-            case m.Meets() | m.Ignores() if action.junction is not None:
+            case m.Meets():
+                yield from self._junction("", kind, word_of(action.junction))
+                yield from self._meeting("", kind, action.actor, action, placed)
+            case m.Ignores() if action.junction is not None:
                 yield from self._junction("", kind, word_of(action.junction))
             case m.TurnsTo():
                 yield from self._turn(kind, action)
@@ -243,14 +246,8 @@ class NameChecks:
         if off_m > GOAL_OFF_M:
             what = "that place" if stop is None else f"the stop {stop.name}"
             help = "name a place on its way" if stop is None else f"lead its route over {stop.road}"
-            yield Problem(
-                "",
-                kind,
-                "FS252",
-                f"{actor.id} does not pass {what}: its way is " + measured(f"{off_m:.0f}") + " m away from it",
-                help,
-                about,
-            )
+            message = f"{actor.id} does not pass {what}: its way is " + metres(off_m, 0) + " away from it"
+            yield Problem("", kind, "FS252", message, help, about)
 
     def _path(self, kind: str, action: m.FollowsPath, actor: PlacedActor | None) -> Iterator[Problem]:
         """Yield problems of the points of a path, and of the way that follows it."""
@@ -293,27 +290,18 @@ class NameChecks:
             message = f"there is no junction called {junction}"
             yield Problem(actor, at, "FS251", message, did_you_mean(junction, self._network.junctions), junction)
 
-    def _meetings(self, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
-        """Yield a problem for each meeting at a junction that is not on both actors' routes."""
-        for actor in self._case.scenario.actors:
-            for item in actor.body:
-                if isinstance(item, m.MeetsState):
-                    yield from _meeting(actor.name, item.kind, actor.name, item, placed)
-        for when in self._case.scenario.all(m.When):
-            for action in all_actions(when.actions):
-                if isinstance(action, m.Meets):
-                    yield from _meeting("", when.kind, action.actor, action, placed)
-
-
-def _meeting(
-    owner: str, at: str, name: str, item: m.Meets | m.MeetsState, placed: Mapping[str, PlacedActor]
-) -> Iterator[Problem]:
-    junction = word_of(item.junction)
-    for member in (name, item.other):
-        actor = placed.get(member)
-        if actor is not None and (over := _misses(actor, junction)):
-            message = f"{name} cannot meet {item.other} at {junction}: {member} does not go over it"
-            yield Problem(owner, at, "FS258", message, f"{member} goes over " + over, junction)
+    def _meeting(
+        self, owner: str, at: str, name: str, item: m.Meets | m.MeetsState, placed: Mapping[str, PlacedActor]
+    ) -> Iterator[Problem]:
+        """Yield a problem for each actor of a meeting whose route does not go over the junction."""
+        junction = word_of(item.junction)
+        for member in (name, item.other):
+            actor = placed.get(member)
+            if actor is None or self._case.snapshot:  # a clip's routes lack the junctions passed before it begins
+                continue
+            if over := _misses(actor, junction):
+                message = f"{name} cannot meet {item.other} at {junction}: {member} does not go over it"
+                yield Problem(owner, at, "FS258", message, f"{member} goes over " + over, junction)
 
 
 def _beside(stop: m.BusStop) -> str:
@@ -347,8 +335,7 @@ def never_near(
             off = min(distance_to(x, y, _way(actor)) for x, y in there)
             room = math.hypot(actor.model.length_m, actor.model.width_m) / 2 + _BESIDE_M[actor.control] + _size(there)
             if off > si_of(part.distance) + room:
-                away = measured(f"{off:.0f}") + " m away"
-                message = f"{actor.id} never comes within that distance: its way remains " + away
+                message = f"{actor.id} never comes within that distance: its way remains " + metres(off, 0) + " away"
                 yield Problem("", kind, "FS330", message, "name a place that its way passes", part=part.of)
 
 

@@ -20,8 +20,7 @@ from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
 from foresee_dsl.compile.placement.name_checks import NameChecks, never_near
 from foresee_dsl.compile.placement.paths import joined_way
-from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
-from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, UnsettledError
+from foresee_dsl.compile.placement.spots import PLACED_BEFORE, CircleError, OnPath, OnRoute, UnsettledError
 from foresee_dsl.compile.placement.starts import StartSearch
 from foresee_dsl.compile.placement.statements import (
     WHEELS,
@@ -39,10 +38,10 @@ from foresee_dsl.compile.placement.statements import (
 )
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
-from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.walkways import Walk, walkways
+from foresee_dsl.compile.roads.routing import RouteError, metres
+from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.compile.tracks import TracksError, read_tracks
-from foresee_dsl.errors import MessageText, measured
+from foresee_dsl.errors import MessageText
 from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -321,8 +320,7 @@ class SceneBuilder:
         if joins is not None:
             placed = self._joining(actor, placed, joins)
         if spec.kind == "pedestrian":
-            stops = Walk(at.path, walkways(self._network).crossings_on(at.path)).stops
-            placed = replace(placed, walk_stops=stops)
+            placed = replace(placed, walk_stops=walkways(self._network).stops_on(at.path))
         return self._with_statements(actor, placed)
 
     def _on_track(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnPath) -> PlacedActor:
@@ -361,20 +359,11 @@ class SceneBuilder:
 
     def _joining(self, actor: m.Ego | m.Actor, placed: PlacedActor, joins: m.Joins) -> PlacedActor:
         """Return an actor on a path with the way that it follows after the path's end."""
+        name, kind = actor.name, lane_kind(placed.model)
         if placed.model.kind not in WHEELS:
-            self._add(
-                actor.name,
-                "joins",
-                "FS257",
-                f"{actor.name} cannot join the traffic",
-                "end its path where it stays",
-            )
+            self._add(name, "joins", "FS257", f"{name} cannot join the traffic", "end its path where it stays")
             return placed
-        way = self._try(
-            actor.name,
-            "joins",
-            lambda: joined_way(self._network, joins.edges, placed.path[-1], lane_kind(placed.model)),
-        )
+        way = self._try(name, "joins", lambda: joined_way(self._network, joins.edges, placed.path[-1], kind))
         return placed if way is None else replace(placed, route=way[0], line=way[1], joins=True)
 
     def _first_speed(self, actor: m.Ego | m.Actor, cruise_mps: float) -> float:
@@ -440,17 +429,12 @@ class SceneBuilder:
             return start, line.end_s
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
-            message = "the goal is " + measured(f"{abs(lateral):.1f}") + " m off the ego's route"
+            message = "the goal is " + metres(abs(lateral)) + " off the ego's route"
             self._add("ego", "goal", "FS255", message, "write it like " + write("goal 40 m past j4 on ego.route"))
         elif goal <= start and not self._case.snapshot:
-            message = "the goal is " + measured(f"{start - goal:.1f}") + " m behind the ego's start"
-            self._add(
-                "ego",
-                "goal",
-                "FS255",
-                message,
-                "put it in front, or " + remove("remove it") + ": then the goal is the end of the route",
-            )
+            message = "the goal is " + metres(start - goal) + " behind the ego's start"
+            help_ = "put it in front, or " + remove("remove it") + ": then the goal is the end of the route"
+            self._add("ego", "goal", "FS255", message, help_)
         return start, goal
 
 

@@ -11,16 +11,15 @@ from types import MappingProxyType
 from typing import TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import ModelSpec, Playback
-from foresee_dsl.compile.placement.paths import shifted
+from foresee_dsl.compile.placement.paths import shifted, smooth_beside
 from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, Standing, UnsettledError
 from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import SAME_DIRECTION_RAD, RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.compile.roads.routing import RouteError, check_junction
+from foresee_dsl.compile.roads.routing import RouteError, check_junction, metres
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
-from foresee_dsl.errors import measured
 from foresee_dsl.helps import one_of, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -130,15 +129,10 @@ class StartSearch:
                 x, y = at.x - back * math.cos(at.heading_rad), at.y - back * math.sin(at.heading_rad)
                 _, left = at.line.project(at.x, at.y, at.s)
                 return Standing(x, y, at.heading_rad, spec.length_m, spec.width_m, at.line, at.s - back, left)
-            if path_of(actor) is not None:
-                on = self.on_path(name)
-                return Standing(
-                    on.x, on.y, on.heading_rad, spec.length_m, spec.width_m, lines.line_of(on.path), on.along_m
-                )
-            if name in self._playbacks:
-                recorded = self.on_track(name)
-                pose = recorded.x, recorded.y, recorded.heading_rad
-                return Standing(*pose, spec.length_m, spec.width_m, lines.line_of(recorded.path), recorded.along_m)
+            if path_of(actor) is not None or name in self._playbacks:
+                on = self.on_path(name) if path_of(actor) is not None else self.on_track(name)
+                body = on.x, on.y, on.heading_rad, spec.length_m, spec.width_m
+                return Standing(*body, lines.line_of(on.path), on.along_m)
             return Standing(*self.still(name), spec.length_m, spec.width_m)
 
     @contextmanager
@@ -251,15 +245,13 @@ class StartSearch:
         """Return the corners of a path, m."""
         if isinstance(path, m.Path):
             return [(spot.x, spot.y) for spot in map(self.spot, path.points)]
-        from foresee_dsl.compile.placement.smooth import beside  # slow import (shapely), which most actors do not need
-
         line, start = self._route_from(path.actor)
         ends = start + si(path.begin), start + si(path.end)
         for s in ends:
             _check_on(line, s, path.actor)
         if abs(ends[1] - ends[0]) < _SHORTEST_M:
             raise RouteError("the path has no length", "let it end farther along the route than it begins")
-        return beside(line, *ends, left_m=si(path.offset))
+        return smooth_beside(line, *ends, left_m=si(path.offset))
 
     def still(self, name: str) -> tuple[float, float, float]:
         """Return the middle of the footprint and the heading of an actor without route and path."""
@@ -304,14 +296,9 @@ class StartSearch:
             self._check_on_route(name, start.place, edges, kind)
         match = self._match(near, kind, x, y, heading)
         if isinstance(match, float):
-            help = (
-                "its route is "
-                + one_of(edges)
-                + "; write "
-                + write(f"start at 10 m along {edges[0]}")
-                + ", for example"
-            )
-            raise RouteError(f"{name} starts " + measured(f"{match:.1f}") + " m off its route", help)
+            start_there = write(f"start at 10 m along {edges[0]}")
+            help = "its route is " + one_of(edges) + "; write " + start_there + ", for example"
+            raise RouteError(f"{name} starts " + metres(match) + " off its route", help)
         k, lane, pos = match
         if ego and k and actor.state is not None:
             # A clip's ego follows the line of its parent's ego. If the parent began on another lane than the one that
@@ -427,7 +414,7 @@ def _check_on(line: RouteLine, s: float, actor: str) -> None:
         beyond = s - line.end_s if s > line.end_s else line.origin_s - s
         side = "after the end" if s > line.end_s else "before the beginning"
         raise RouteError(
-            "the place is " + measured(f"{beyond:.1f}") + f" m {side} of the route of {actor}",
+            "the place is " + metres(beyond) + f" {side} of the route of {actor}",
             f"the route is {line.end_s - line.origin_s:.1f} m long",
         )
 

@@ -95,6 +95,8 @@ class RoadNetwork(Topology):
 
     buildings: tuple[Points, ...] = ()
     bus_stops: Mapping[str, BusStop] = field(default_factory=dict)
+    _tiles: dict[tuple[int, int], BaseGeometry] = field(default_factory=dict, init=False)
+    _indices: dict[LaneKind | None, _LaneIndex] = field(default_factory=dict, init=False)
 
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
@@ -109,7 +111,7 @@ class RoadNetwork(Topology):
 
         `written`: the network from which the net was built; it defines pieces of edges, roundabouts and bus stops.
         """
-        read = {f.name: getattr(topology, f.name) for f in fields(Topology)}
+        read = {f.name: getattr(topology, f.name) for f in fields(Topology) if f.init}
         if written is not None:
             joints = layout.joints_of(written)
             read |= {"parts": layout.parts_of(written), "rings": rings_of(written), "joints": joints}
@@ -209,13 +211,8 @@ class RoadNetwork(Topology):
         gaps = [distance(first.xy[-1], second.xy[0]) for first, second in pairwise(pieces)]
         length_m = sum(piece.length_m for piece in pieces) + sum(gaps)
         if abs(at_m) > length_m + 1e-6:
-            message = (
-                f"{edge} is only "
-                + measured(f"{length_m:.1f}")
-                + " m long, so it has no place at "
-                + measured(f"{at_m:g}")
-                + " m"
-            )
+            there = measured(f"{at_m:g}") + " m"
+            message = f"{edge} is only " + routing.metres(length_m) + " long, so it has no place at " + there
             raise routing.RouteError(message, "use at most " + write(f"{math.floor(length_m)} m"))
         left_m = at_m if at_m >= 0 else length_m + at_m
         for lane, gap in zip(lanes, (*gaps, 0.0), strict=True):
@@ -287,10 +284,6 @@ class RoadNetwork(Topology):
         return self._tiles[tile]
 
     @cached_property
-    def _tiles(self) -> dict[tuple[int, int], BaseGeometry]:
-        return {}
-
-    @cached_property
     def bounds(self) -> Box:
         """Bounds of the drivable area with a margin of some metres: left, bottom, right and top, m."""
         outlines = (*(lane.shape for lane in self.lanes.values()), *(j.polygon for j in self.junctions.values()))
@@ -302,9 +295,9 @@ class RoadNetwork(Topology):
         """Return the drivable area of the parts of the network that touch a box."""
         import shapely  # imported here: the import is slow, and placing actors does not need it
 
-        walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()
+        walking = shapely.union_all([polygon(area.polygon) for area in self.walking_areas.values()
                                      if _touches(area.polygon, box)])  # fmt: skip
-        junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()
+        junctions = shapely.union_all([polygon(j.polygon) for j in self.junctions.values()
                                        if _touches(j.polygon, box)])  # fmt: skip
         lanes = [lane for lane in self.lanes.values()
                  if ("car" in lane.kinds or lane.strip or lane.fault) and _touches(lane.shape, box)]  # fmt: skip
@@ -331,10 +324,6 @@ class RoadNetwork(Topology):
         """Bounds of each building: left, bottom, right and top, m."""
         corners = (tuple(zip(*outline, strict=True)) for outline in self.buildings)
         return tuple((min(xs), min(ys), max(xs), max(ys)) for xs, ys in corners)
-
-    @cached_property
-    def _indices(self) -> dict[LaneKind | None, _LaneIndex]:
-        return {}
 
     def _index(self, kind: LaneKind | None) -> _LaneIndex:
         """Return an index of all lanes, or of those for a kind, without walking areas, which have no centreline."""
@@ -389,7 +378,7 @@ def _touches(points: Points, box: Box) -> bool:
     return bool(points) and min(xs) <= right and max(xs) >= left and min(ys) <= top and max(ys) >= bottom
 
 
-def _polygon(points: Points) -> BaseGeometry:
+def polygon(points: Points) -> BaseGeometry:
     """Return a valid polygon for an open outline; SUMO's outlines can touch themselves or be flat."""
     import shapely
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
-from foresee_dsl.errors import Message, MessageText
+from foresee_dsl.errors import Message, MessageText, measured
 from foresee_dsl.helps import HelpText, instead, one_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
@@ -34,6 +34,11 @@ class RouteError(ValueError):
         super().__init__(Message.of(message).text)
         self.message = message
         self.help = help
+
+
+def metres(length_m: float, decimals: int = 1) -> Message:
+    """Return a length with its unit for a message; see `measured`."""
+    return measured(f"{length_m:.{decimals}f}") + " m"
 
 
 def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:

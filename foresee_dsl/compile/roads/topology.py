@@ -200,6 +200,7 @@ class Topology:
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     rings: Mapping[str, Roundabout] = field(default_factory=dict)
     joints: frozenset[str] = frozenset()
+    _graphs: dict[LaneKind, nx.DiGraph[str]] = field(default_factory=dict, init=False)
 
     def is_junction(self, name: str) -> bool:
         """Return whether a junction or a roundabout has a name."""
@@ -275,10 +276,6 @@ class Topology:
                     graph.add_edge(m.from_edge, m.to_edge, length=self.lanes[m.to_lane].length_m)
             self._graphs[kind] = graph
         return self._graphs[kind]
-
-    @cached_property
-    def _graphs(self) -> dict[LaneKind, nx.DiGraph[str]]:
-        return {}
 
     @cached_property
     def _edges_by(self) -> dict[str, list[Edge]]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.roads.polyline import (
     XY,
@@ -31,28 +31,8 @@ _End = tuple[str, int]
 """The begin (0) or end (1) of a footway's centreline; a walking area is (id, -1)."""
 
 
-class CrossingPart(NamedTuple):
-    """A stretch of a path on a crossing: begin and end along the path, m, and the signal of the crossing ("" and -1 if
-    it has no signal).
-    """
-
-    enter_s: float
-    exit_s: float
-    tls: str
-    link: int
-
-
-@dataclass(frozen=True, eq=False)
-class Walk:
-    """A pedestrian's path, m, and its stretches on crossings, in order."""
-
-    points: Points
-    crossings: tuple[CrossingPart, ...]
-
-    @property
-    def stops(self) -> tuple[tuple[float, float, str, int], ...]:
-        """The crossings with a signal: (begin and end along the path, m; tls; link)."""
-        return tuple((c.enter_s, c.exit_s, c.tls, c.link) for c in self.crossings if c.tls)
+Stop = tuple[float, float, str, int]
+"""A crossing with a signal on a path: begin and end along the path, m; tls; link."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +47,7 @@ class Walkways:
     shapes: dict[str, Points]
     crossings: dict[str, Crossing]
     joints: tuple[tuple[_End, _End], ...]
+    _stops: dict[Points, tuple[Stop, ...]] = field(default_factory=dict, init=False)
 
     @cached_property
     def neighbours(self) -> dict[_End, dict[_End, None]]:
@@ -91,7 +72,7 @@ class Walkways:
         """Points along all sidewalks, m; cached for all test cases of a network."""
         return tuple(xy for way in self.sidewalks for xy in Polyline.of(self.shapes[way]).xy)
 
-    def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Walk | None:
+    def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Points | None:
         """Return a random walk of at least `length_m` from the sidewalk nearest to a point; None without a sidewalk.
 
         It may use crossings, and reverses only at dead ends.
@@ -112,32 +93,29 @@ class Walkways:
             points += self.shapes[way] if at == 0 else self.shapes[way][::-1]
             end = (way, 1 - at)
             walked = lengths(points)[-1]
-        path = distinct(whole_millimetres(points))
-        return Walk(path, self.crossings_on(path))
+        return distinct(whole_millimetres(points))
 
-    def crossings_on(self, path: Points) -> tuple[CrossingPart, ...]:
-        """Return the stretches of a path that lie on the centreline of a crossing."""
-        if path not in self._on_crossings:
-            self._on_crossings[path] = self._find_crossings(path)
-        return self._on_crossings[path]
+    def stops_on(self, path: Points) -> tuple[Stop, ...]:
+        """Return the stretches of a path that lie on the centreline of a crossing with a signal, in order."""
+        if path not in self._stops:
+            self._stops[path] = self._find_stops(path)
+        return self._stops[path]
 
-    @cached_property
-    def _on_crossings(self) -> dict[Points, tuple[CrossingPart, ...]]:
-        return {}
-
-    def _find_crossings(self, path: Points) -> tuple[CrossingPart, ...]:
+    def _find_stops(self, path: Points) -> tuple[Stop, ...]:
         s = lengths(path)
-        parts: list[CrossingPart] = []
+        stops: list[Stop] = []
         for way, crossing in self.crossings.items():
+            if crossing.tls is None:
+                continue
             shape = self.shapes[way]
             on = [distance_to(x, y, shape) <= ON_CROSSING_M for x, y in path]
-            first = len(parts)
+            first = len(stops)
             for k in (k for k in range(len(path) - 1) if on[k] and on[k + 1]):
-                if len(parts) > first and parts[-1].exit_s == s[k]:
-                    parts[-1] = parts[-1]._replace(exit_s=s[k + 1])
-                else:
-                    parts.append(CrossingPart(s[k], s[k + 1], crossing.tls or "", crossing.link))
-        return tuple(sorted(parts))
+                begin_s = s[k]
+                if len(stops) > first and stops[-1][1] == s[k]:
+                    begin_s = stops.pop()[0]
+                stops.append((begin_s, s[k + 1], crossing.tls, crossing.link))
+        return tuple(sorted(stops))
 
     def _onward(self, end: _End) -> list[_End]:
         """Return the ends of other footways that are connected to an end, directly or across a walking area."""

@@ -12,7 +12,7 @@ from foresee_dsl import helps as h
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.keywords import USAGE, words_of
 from foresee_dsl.language.messages.suggest import meant_at
-from foresee_dsl.language.syntax.scan import Lines, Raw, scan
+from foresee_dsl.language.syntax.scan import Raw, scan
 from foresee_dsl.language.units import UNITS
 
 LISTED = "one of the"
@@ -69,13 +69,13 @@ class _Place:
     """The part of a text that a diagnostic marks, and the edits that are possible there."""
 
     def __init__(self, span: Span, text: str) -> None:
-        self._text, lines = text, Lines(text)
+        cut = scan(text)
+        self._text, self._statements, lines = text, cut.statements, cut.lines
         self.start = lines.offset(span.line, span.column)
         self.end = lines.offset(span.end_line, span.end_column)
         self.written = self._text[self.start : self.end]
         if not self.written.strip():  # the statement stops too early
             self.end, self.written = self.start, ""
-        self._statements = scan(text, lines).statements
 
     def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[str, Fix]]:
         """Yield the possible edits of a fix at this place, each with its purpose."""

@@ -14,7 +14,6 @@ from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
-from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS
 
 _TYPES: Mapping[SymbolKind, str] = MappingProxyType(
@@ -34,15 +33,6 @@ _TYPES: Mapping[SymbolKind, str] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Hint:
-    """A text that the editor shows behind a place."""
-
-    line: int
-    column: int
-    text: str
-
-
-@dataclass(frozen=True)
 class Lens:
     """A command that the editor shows above a place: `run`, `forecast` or `draw`, with the address to call it for."""
 
@@ -51,8 +41,11 @@ class Lens:
     address: str
 
 
-def hints(text: str, first: int, last: int) -> Iterator[Hint]:
-    """Return the hints for some lines of a text: each speed in another unit is also shown in m/s."""
+def hints(text: str, first: int, last: int) -> Iterator[tuple[int, int, str]]:
+    """Yield the hints for some lines of a text: line, column, and the text that the editor shows behind that place.
+
+    Each speed in another unit is also shown in m/s.
+    """
     root = read_syntax(text).root
     for node, _ in walk(root) if root is not None else ():
         if node.kind is not m.Quantity or not first <= node.span.line <= last:
@@ -60,7 +53,7 @@ def hints(text: str, first: int, last: int) -> Iterator[Hint]:
         unit = UNITS.get(str(node.fields.get("unit", "")))
         value = node.fields.get("value")
         if unit is not None and unit.dimension == "speed" and unit.to_si != 1 and isinstance(value, Decimal):
-            yield Hint(node.span.end_line, node.span.end_column, f"= {float(value) * unit.to_si:.2f} m/s")
+            yield node.span.end_line, node.span.end_column, f"= {float(value) * unit.to_si:.2f} m/s"
 
 
 def lenses(path: Path, text: str) -> Iterator[Lens]:
@@ -72,17 +65,14 @@ def lenses(path: Path, text: str) -> Iterator[Lens]:
     own = [node for node, above in walk(root) if node.kind is m.Case and above == (root,)]
     if root.kind in (m.Network, m.Scenario, m.Extension, m.Clip, m.Mutant):
         yield Lens(head, "draw", str(path))
-    if root.kind in (m.Clip, m.Mutant) or (root.kind is m.Scenario and not own and not _has(root, m.Cases)):
+    drawn = any(node.kind is m.Cases for node, _ in walk(root))
+    if root.kind in (m.Clip, m.Mutant) or (root.kind is m.Scenario and not own and not drawn):
         yield Lens(head, "run", str(path))
         if root.kind is m.Scenario:
             yield Lens(head, "forecast", str(path))
     for case in own:
         address = f"{path}::{case.fields.get('name')}"
         yield from (Lens(case.places.get("name") or case.span, word, address) for word in ("run", "forecast", "draw"))
-
-
-def _has(root: Node, kind: type[m.Item]) -> bool:
-    return any(node.kind is kind for node, _ in walk(root))
 
 
 # ---- what kind of thing each word is ---------------------------------------------------------------------------------

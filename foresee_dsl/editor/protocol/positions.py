@@ -68,7 +68,3 @@ class Positions:
     def span(self, where: Json) -> Span:
         """Return the span of an editor's range."""
         return Span(*self.place(where["start"]), *self.place(where["end"]))
-
-    def text(self, where: Json) -> str:
-        """Return the text in a range."""
-        return "\n".join(self.lines)[self.offset(where["start"]) : self.offset(where["end"])]

@@ -52,9 +52,9 @@ class Connection:
         """Send a notification."""
         self._send({"method": method, "params": params})
 
-    def ask(self, number: int, method: str, params: Json | None = None) -> None:
-        """Send a request and do not wait for its answer."""
-        self._send({"id": number, "method": method, "params": params})
+    def ask(self, number: int, method: str) -> None:
+        """Send a request without parameters and do not wait for its answer."""
+        self._send({"id": number, "method": method, "params": None})
 
     def reply(self, request: int | str, result: object) -> None:
         """Answer a request."""

@@ -58,7 +58,7 @@ def with_certain(
     """
     if len(nodes) != 1 or len(diagnostics) >= MOST or any(d.code in _WHOLE_FILE for d in diagnostics):
         return diagnostics
-    text, lines, statements = reading.text, reading.lines, list(_flat(reading.statements))
+    text, lines, statements = reading.cut.text, reading.cut.lines, list(_flat(reading.cut.statements))
     broken = [_around(d, statements, lines) for d in diagnostics]
     unread = frozenset(word for raw in broken if raw is not None for word in _definable(raw, text))
     unread |= {word for raw in broken if raw is not None for word in _around_it(raw, statements, text)}

@@ -9,8 +9,7 @@ from foresee_dsl.errors import Diagnostic, subject
 from foresee_dsl.helps import HelpText, meant_code, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.actors import check_actors
-from foresee_dsl.language.checks.parameters import check_parameters
-from foresee_dsl.language.checks.requirements import check_requirements
+from foresee_dsl.language.checks.parameters import check_parameters, check_requirements
 from foresee_dsl.language.checks.streets import NamedJunction, Ramp, Streets, check_touching
 from foresee_dsl.language.checks.values import check_values
 from foresee_dsl.language.messages.collector import Collector

@@ -32,14 +32,13 @@ def _along(collector: Collector, edge: Directed, order: Sequence[m.Item]) -> Non
     open_ramp: Cut | None = None
     for k, cut in enumerate(edge.cuts):
         item = cut.item
-        if k and item is not edge.cuts[k - 1].item and _gap(edge.cuts[k - 1], cut) < 0:
-            other = edge.cuts[k - 1].item
-            late = max(item, other, key=order.index)
-            early = other if late is item else item
+        before = edge.cuts[max(k - 1, 0)]
+        gap_m = cut.at_m - before.at_m - APART_M - _half(before.item) - _half(item)
+        if item is not before.item and gap_m < 0:
+            late = max(item, before.item, key=order.index)
+            early = before.item if late is item else item
             apart = APART_M + _half(early) + _half(late)
-            message = (
-                f"this is too close to {called(early)}: the two are {abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
-            )
+            message = f"this is too close to {called(early)}: the two are {abs(cut.at_m - before.at_m):.1f} m apart"
             free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
             collector.add(
                 late, "at", "FS270", message, "leave room between them, for example with " + write(f"{free:g} m")
@@ -90,10 +89,6 @@ def _in_a_bay(collector: Collector, edge: Directed, order: Sequence[m.Item]) -> 
                 collector.add(late, "at", "FS270", message, apart + remove("remove one"))
                 return True
     return False
-
-
-def _gap(first: Cut, second: Cut) -> float:
-    return second.at_m - first.at_m - APART_M - _half(first.item) - _half(second.item)
 
 
 def called(item: m.Item) -> str:

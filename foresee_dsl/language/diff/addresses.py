@@ -13,14 +13,7 @@ from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, Group, kind_of
 from foresee_dsl.language.diff.plain import TextChange, texts
 from foresee_dsl.language.meaning import file_digest, models_named
-from foresee_dsl.language.project.addresses import (
-    FOREIGN_NETWORKS,
-    absolute,
-    display_path,
-    is_file,
-    mistake,
-    parse_address,
-)
+from foresee_dsl.language.project import addresses
 from foresee_dsl.language.project.catalogues import entries
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expanded_model
@@ -62,7 +55,7 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
         InputError: a file has an error, or the two files cannot be compared.
     """
     project = Project(check_pin=False, allow_outside=allow_outside)
-    (old_file, old_case), (new_file, new_case) = parse_address(old), parse_address(new)
+    (old_file, old_case), (new_file, new_case) = addresses.parse_address(old), addresses.parse_address(new)
     a, b = project.definition(old_file), project.definition(new_file)
     if {type(a), type(b)} == {m.Scenario, m.Extension}:
         a, b = (project.whole_scenario(file, drawn=False) for file in (old_file, new_file))
@@ -74,24 +67,24 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
 
 def parent_address(derived: str) -> str:
     """Return the address of the parent of a clip or mutant, so that the file can be compared with it."""
-    file, _ = parse_address(derived)
+    file, _ = addresses.parse_address(derived)
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):
         message = f"this holds a {model.kind}, which has no parent"
-        raise mistake("FS132", message, "name two files to compare", display_path(file))
+        raise addresses.mistake("FS132", message, "name two files to compare", addresses.display_path(file))
     case = model.case if isinstance(model, m.Clip) else None
-    address = display_path(file.parent / model.parent)
+    address = addresses.display_path(file.parent / model.parent)
     return f"{address}::{case}" if case else address
 
 
 def _cases(project: Project, old: tuple[str, m.Definition], new: tuple[str, m.Definition]) -> tuple[TestCase, TestCase]:
     """Return both test cases. If one address is a clip or mutant and the other a scenario, the scenario's case is the
     clip's."""
-    addresses = []
+    named = []
     for (address, model), (other, derived) in ((old, new), (new, old)):
         case = _case_of_parent(project, other, derived) if isinstance(model, m.Scenario | m.Extension) else None
-        addresses.append(f"{address}::{case}" if case and not parse_address(address)[1] else address)
-    return project.test_case(addresses[0]), project.test_case(addresses[1])
+        named.append(f"{address}::{case}" if case and not addresses.parse_address(address)[1] else address)
+    return project.test_case(named[0]), project.test_case(named[1])
 
 
 def _case_of_parent(project: Project, address: str, derived: m.Definition) -> str | None:
@@ -119,7 +112,7 @@ def diff_files(
     """Return the differences between two files as written, and between the networks and models that they use."""
     (old_file, a), (new_file, b) = old, new
     if isinstance(a, m.Clip | m.Mutant) and isinstance(b, m.Clip | m.Mutant):
-        if absolute(old_file.parent / a.parent) == absolute(new_file.parent / b.parent):
+        if addresses.absolute(old_file.parent / a.parent) == addresses.absolute(new_file.parent / b.parent):
             b = b.model_copy(update={"parent": a.parent})  # both sides may name the same file from two folders
         return diff_models(a, b)
     if not (isinstance(a, m.Scenario) and isinstance(b, m.Scenario)):
@@ -175,18 +168,18 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
     if inline is not None or used is None:
         return inline
     path = file.parent / used.path
-    if used.path.endswith(FOREIGN_NETWORKS) and is_file(path):
-        return absolute(path)
+    if used.path.endswith(addresses.FOREIGN_NETWORKS) and addresses.is_file(path):
+        return addresses.absolute(path)
     model = project.definition(path)
     if isinstance(model, m.Network):
         return model
-    raise mistake("FS132", f"'{used.path}' does not hold a network", "", "")
+    raise addresses.mistake("FS132", f"'{used.path}' does not hold a network", "", "")
 
 
 def _used_tracks(file: Path, scenario: m.Scenario) -> Path | None:
     used = scenario.first(m.UseTracks)
-    path = None if used is None else absolute(file.parent / used.path)
-    return path if path is not None and is_file(path) else None
+    path = None if used is None else addresses.absolute(file.parent / used.path)
+    return path if path is not None and addresses.is_file(path) else None
 
 
 def _used_models(project: Project, file: Path, scenario: m.Scenario) -> m.Catalogue:

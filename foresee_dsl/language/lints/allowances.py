@@ -19,7 +19,6 @@ from foresee_dsl.language.project.document import Document
 if TYPE_CHECKING:
     from foresee_dsl.language.syntax.scan import Lines, Raw
 
-_COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*')
 _ALLOW = re.compile(r"#\s*foresee:\s*allow\b([^\n]*)")
 _CODE = re.compile(r"FS[0-9]{3}")
 
@@ -71,18 +70,18 @@ def _allowed(diagnostic: Diagnostic, allowances: Sequence[_Allowance]) -> bool:
 def _allowances(text: str) -> Iterator[_Allowance]:
     if "foresee:" not in text:
         return
-    from foresee_dsl.language.syntax.scan import Lines, scan  # few files have such a comment
+    from foresee_dsl.language.syntax.scan import scan  # few files have such a comment
 
-    lines = Lines(text)
-    statements = list(_statements(scan(text, lines).statements, lines))
+    cut, rows = scan(text), text.split("\n")
+    statements = list(_statements(cut.statements, cut.lines))
     definition = max((s for s in statements if s[2]), default=(1, 1, True))
-    for comment in _COMMENT.finditer(text):
-        allow = _ALLOW.match(comment[0])
+    for comment in cut.comments:
+        allow = _ALLOW.match(comment.text)
         if allow is None:
             continue
-        line, column = lines.place(comment.start())
-        own_line = not text[: comment.start()].rpartition("\n")[2].strip()
-        first, last = _reach(line, own_line, statements, definition[0], text.count("\n") + 1)
+        line, column = comment.line, comment.column
+        own_line = not rows[line - 1][: column - 1].strip()
+        first, last = _reach(line, own_line, statements, definition[0], len(rows))
         for code in _CODE.finditer(allow[1]):
             at = column + allow.start(1) + code.start()
             yield _Allowance(code[0], Span(line, at, line, at + len(code[0])), first, last)

@@ -81,7 +81,8 @@ def _dead_steps(
     done_s, endless = begins_s, ""
     for action in actions:
         if not isinstance(action, m.Then):
-            done_s = max(done_s, begins_s + _takes_s(action))
+            if isinstance(action, m.Wait) and isinstance(action.duration, m.Quantity):
+                done_s = max(done_s, begins_s + action.duration.si)  # every other action may be replaced at once
             endless = endless or _endless(action, others)
             continue
         condition = action.condition
@@ -98,11 +99,6 @@ def _dead_steps(
             _dead_parts(lints, condition, limits)
         _dead_steps(lints, action.actions, starts_s, limits, others)
         done_s = max(done_s, starts_s)
-
-
-def _takes_s(action: m.Action) -> float:
-    """Return the minimum duration of an action, s, if no other action replaces it."""
-    return action.duration.si if isinstance(action, m.Wait) and isinstance(action.duration, m.Quantity) else 0.0
 
 
 def _endless(action: m.Action, others: Sequence[m.Action]) -> str:

@@ -1,6 +1,7 @@
 """The base of every class of the model: immutable, compared by value, with the pattern of its text."""
 
 import inspect
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import NoneType
@@ -150,13 +151,16 @@ class _OneOf:
         def check(value: object) -> object:
             return value if isinstance(value, kinds) else whole().validate_python(value)
 
-        return core_schema.no_info_plain_validator_function(
-            check, serialization=core_schema.plain_serializer_function_ser_schema(dump, info_arg=True)
-        )
+        return checked_by(check)
 
 
-def dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
-    """Return an item's data, for types of fields that have a check of their own instead of pydantic's."""
+def checked_by(check: Callable[[object], object]) -> CoreSchema:
+    """Return the schema of a type of fields that has a check of its own instead of pydantic's."""
+    serialization = core_schema.plain_serializer_function_ser_schema(_dump, info_arg=True)
+    return core_schema.no_info_plain_validator_function(check, serialization=serialization)
+
+
+def _dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
     return item.model_dump(
         mode=info.mode,
         by_alias=info.by_alias,

@@ -9,9 +9,9 @@ from functools import cache
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, TypeAdapter
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError
 
-from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase, dump
+from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase, checked_by
 from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -185,9 +185,7 @@ class OfDimension:
         # One function checks all classes of values: pydantic would build a validator for each of them, in every class
         # that has such a field, which costs more time.
         del source, handler
-        return core_schema.no_info_plain_validator_function(
-            self._check, serialization=core_schema.plain_serializer_function_ser_schema(dump, info_arg=True)
-        )
+        return checked_by(self._check)
 
     def _check(self, value: object) -> object:
         if isinstance(value, Quantity):

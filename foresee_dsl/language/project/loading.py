@@ -145,7 +145,7 @@ class Project:
         mistakes: dict[Diagnostic, None] = {}
         for file, case in self._addresses(paths):
             try:
-                for name in (case,) if case else self._case_names(file):
+                for name in (case,) if case else cases(self._whole(self._named(file), ()).document) or (None,):
                     key = (absolute(file), name)
                     loaded[key] = self._load(key[0], display_path(file), name, None, ())
             except InputError as error:
@@ -192,9 +192,6 @@ class Project:
         if isinstance(document.model, m.Scenario):
             return document.model
         raise mistake("FS132", f"this holds {_a(whole.document.model)}, not a scenario", "", display_path(path))
-
-    def _case_names(self, file: Path) -> tuple[str | None, ...]:
-        return cases(self._whole(self._named(file), ()).document) or (None,)
 
     def _named(self, file: Path) -> _File:
         """Read a file that the user named."""

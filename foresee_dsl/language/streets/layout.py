@@ -242,14 +242,9 @@ def parts_of(network: m.Network) -> Mapping[str, tuple[str, ...]]:
 def joints_of(network: m.Network) -> frozenset[str]:
     """Return the nodes that only cut an edge, because a lane or a bay begins or ends there; no scenario can name
     them."""
-    cuts = (cut for edge in directed(network) for cut in edge.cuts)
-    return frozenset(
-        cut.node for cut in cuts if isinstance(cut.item, m.LaneEnd | m.BusStop) or _is_far_end_of_ramp(cut)
-    )
-
-
-def _is_far_end_of_ramp(cut: Cut) -> bool:
-    return isinstance(cut.item, m.OnRamp | m.OffRamp) and cut.node != cut.item.name
+    unnamed = (cut for edge in directed(network) for cut in edge.cuts if not isinstance(cut.item, m.Zebra | m.Bump))
+    # a ramp has its own name only at the end where it meets the edge
+    return frozenset(cut.node for cut in unnamed if isinstance(cut.item, m.LaneEnd) or cut.node != cut.item.name)
 
 
 def joined_by_name(network: m.Network) -> Iterator[tuple[str, str, str]]:

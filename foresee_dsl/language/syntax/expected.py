@@ -136,6 +136,4 @@ def text_of(name: str) -> str | None:
     if name == "$END":
         return None
     pattern = parser().get_terminal(name).pattern
-    if name == "MEASURE_TIME":
-        return "time"
     return pattern.value if isinstance(pattern, PatternStr) else None

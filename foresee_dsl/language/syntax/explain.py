@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -300,7 +300,8 @@ class Refusal:
             return "FS008", f"'{excerpt}' needs `add` or `change` in {place}", help
         meant = ours or (closest(self.word, words) if self._is_word() else None)
         if places and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
-            return "FS008", f"'{excerpt}' is not allowed in {place}", move_inside(f"it belongs in {_either(places)}")
+            help = move_inside("it belongs in " + one_of(places, " or ").text)
+            return "FS008", f"'{excerpt}' is not allowed in {place}", help
         if meant is not None:
             return "FS004", f"unknown statement '{excerpt}'", meant_word(meant, self.word)
         if self._is_word() and words:
@@ -352,7 +353,7 @@ class Refusal:
         usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else setting)
         if self._rule == "action" and word not in ("wait", "then"):
             verb = re.match(r"[^\W\d]\w*\s+([^\W\d]\w*)", self._text)
-            usual = _usage_of(verb[1]) if verb is not None else _ACTION_USAGE
+            usual = _usages().get(verb[1], _ACTION_USAGE) if verb is not None else _ACTION_USAGE
         return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
 
@@ -366,11 +367,3 @@ def _usages() -> Mapping[str, str]:
         if verb is not None and example is not None and not issubclass(kind, m.Phrase):
             examples.setdefault(verb[1], " ".join(example[1].split()))
     return examples
-
-
-def _usage_of(verb: str) -> str:
-    return _usages().get(verb, _ACTION_USAGE)
-
-
-def _either(words: Sequence[str]) -> str:
-    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))

@@ -88,7 +88,9 @@ class NodeMaker:
         self.settles = False
         """True if these statements have expressions, which `parameters.settle` evaluates after all nodes are made."""
         extends = any(part.data == "extension" for part in _trees(tree.children))
-        self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
+        self._parameters = (
+            ANY_NAME if extends else frozenset(str(param.children[0]) for param in _statements(tree, "param"))
+        )
         self.calculates = False
         self._depth = 0
         self._special: Mapping[str, Callable[[_Tree], Node]] = {
@@ -281,7 +283,8 @@ class NodeMaker:
         self, actor: str, word: str, properties: tuple[str, ...], place: Span, argument: str = ""
     ) -> None:
         if word in (*m.BETWEEN_ACTORS, "distance") and "speed" in properties:
-            other = argument or next((name for name in self._actors() if name != actor), "lead")
+            actors = (str(tree.children[1]) for tree in _statements(self._tree, "actor"))
+            other = argument or next((name for name in (*actors, "ego") if name != actor), "lead")
             whole = Span(place.line, place.column - len(actor) - 1, place.line, place.end_column)
             help: HelpText = meant_code(f"{word}({actor}, {other})")
             self._error("FS006", f"`{actor}.{word}`: this is measured between two actors", help, whole)
@@ -291,14 +294,6 @@ class NodeMaker:
             places = (f"{actor} within 5 m of (20 m, 0 m)", f"{actor} in junction j4", f"{actor} in lane 1")
             help = "write a condition about a place, such as " + write("` or `".join(places))
         self._error("FS006", f"unknown property '{word}' of '{actor}'", help, place)
-
-    def _actors(self) -> Iterator[str]:
-        """Yield the names of the actors, the ego last."""
-        blocks = (block for definition in _trees(self._tree.children) for block in _trees(definition.children))
-        for child in (child for block in blocks for child in _trees(block.children)):
-            if child.data == "actor":
-                yield str(child.children[1])
-        yield "ego"
 
     def _measure(self, tree: _Tree) -> Node:
         node = Node(m.Measure, span_of(tree))
@@ -440,9 +435,7 @@ def _trees(children: Sequence[_Child]) -> Iterator[_Tree]:
     return (child for child in children if isinstance(child, Tree))
 
 
-def _parameter_names(tree: _Tree) -> Iterator[str]:
-    for definition in _trees(tree.children):
-        for block in _trees(definition.children):
-            for child in _trees(block.children):
-                if child.data == "param":
-                    yield str(child.children[0])
+def _statements(tree: _Tree, rule: str) -> Iterator[_Tree]:
+    """Yield the statements of a file's definitions that a rule makes."""
+    blocks = (block for definition in _trees(tree.children) for block in _trees(definition.children))
+    return (child for block in blocks for child in _trees(block.children) if child.data == rule)

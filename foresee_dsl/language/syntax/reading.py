@@ -27,7 +27,7 @@ from foresee_dsl.language.syntax.foreign import block_of, without_comments
 from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH
-from foresee_dsl.language.syntax.scan import MOST, Comment, Lines, Raw, scan
+from foresee_dsl.language.syntax.scan import MOST, Cut, Raw, scan
 
 _Tree = Tree[Token]
 _EXTENDS = re.compile(r"scenario\s+(?!\w+\s*\Z).*\bextends\b", re.DOTALL)
@@ -63,45 +63,39 @@ class Reading:
     Attributes:
         tree: the tree of the statements without errors. errors: the errors of the other statements, at most as many as
             requested.
-        text: the text, with blanks in place of comments in the form of other languages. lines: its lines.
-        statements: all its statements as text. comments: its comments, in order.
+        cut: the text, with blanks in place of comments in the form of other languages, and all its statements as text.
     """
 
     tree: _Tree
     errors: list[Diagnostic]
-    text: str
-    lines: Lines
-    statements: list[Raw]
-    comments: list[Comment]
+    cut: Cut
 
 
 def read(text: str, most: int = MOST) -> Reading:
     """Return a text as it was read (its newlines are `\n`); reading stops after `most` errors."""
     readable, foreign = without_comments(text)
-    reader = _Reader(readable, most)
-    tree = reader.tree()
-    errors, lines = reader.errors, reader.lines
+    cut = scan(readable)
+    reader = _Reader(cut, most)
+    tree, errors = reader.tree(), reader.errors
     if errors:
         elses = {error.span for error in errors if error.code == CODE}  # `} else {` is reported as one error
         errors = [error for error in errors if error.code == CODE or error.span not in elses]
     others = [
-        Diagnostic.of(CODE, remark.message, remark.help, span=lines.span(remark.start, remark.end))
+        Diagnostic.of(CODE, remark.message, remark.help, span=cut.lines.span(remark.start, remark.end))
         for remark in foreign
     ]
-    return Reading(tree, [*others, *errors], readable, lines, reader.statements, reader.comments)
+    return Reading(tree, [*others, *errors], cut)
 
 
 class _Reader:
-    def __init__(self, text: str, most: int) -> None:
-        self._text, self._most = text, most
-        self.lines = Lines(text)
-        cut = scan(text, self.lines)
-        self.statements, self.errors, self.comments = cut.statements, cut.errors, cut.comments
+    def __init__(self, cut: Cut, most: int) -> None:
+        self._cut, self._text, self._most = cut, cut.text, most
+        self.errors = cut.errors
         self._depth = 0
 
     def tree(self) -> _Tree:
         """Return the tree of the statements without errors; `errors` then has the errors of the other statements."""
-        statements, broken_braces = self.statements, bool(self.errors)
+        statements, broken_braces = self._cut.statements, bool(self.errors)
         trees: list[_Tree | None] = []
         definitions = statements
         if statements and self._starts_with_version(statements[0]):
@@ -166,8 +160,8 @@ class _Reader:
             if inner is None:
                 raise TypeError(f"no rule is known for the statements in the braces of `{self._word(raw)}`")
             block.children = list(children)
-            block.meta.line, block.meta.column = self.lines.place(raw.open)
-            block.meta.end_line, block.meta.end_column = self.lines.place(raw.close)
+            block.meta.line, block.meta.column = self._cut.lines.place(raw.open)
+            block.meta.end_line, block.meta.end_column = self._cut.lines.place(raw.close)
             for at in (tree.meta, holder.meta):
                 at.end_line, at.end_column = block.meta.end_line, block.meta.end_column
         return tree
@@ -202,24 +196,24 @@ class _Reader:
         except UnexpectedInput as error:
             self.errors.append(self._explained(error, raw, head, rule))
             return None
-        line, column = self.lines.place(raw.start)
+        line, column = self._cut.lines.place(raw.start)
         _shift(tree, line - 1, column - 1)
         return tree
 
     def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> Diagnostic:
         label = _LABEL.match(head)
         if label is not None and label[1] in m.TAKEN:
-            place = self.lines.span(raw.start + label.start(1), raw.start + label.end(1))
+            place = self._cut.lines.span(raw.start + label.start(1), raw.start + label.end(1))
             help = rename("give it another label", everywhere=True)
             return Diagnostic.of("FS049", f"'{label[1]}' is a word of the language", help, span=place)
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)
-        place = self.lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
+        place = self._cut.lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
         return Diagnostic.of(refusal.code, refusal.message, refusal.help, span=place)
 
     def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> Diagnostic:
-        place = self.lines.span(raw.open, raw.open + 1)
+        place = self._cut.lines.span(raw.open, raw.open + 1)
         word = self._word(raw)
         if raw.start == raw.end:
             return Diagnostic.of("FS003", "this block has no statement in front of it", _NO_HEAD, span=place)
@@ -232,7 +226,7 @@ class _Reader:
         return words[index].rstrip(":") if index < len(words) else ""
 
     def _error(self, code: str, message: str, help: HelpText, start: int, end: int) -> None:
-        self.errors.append(Diagnostic.of(code, message, help, span=self.lines.span(start, end)))
+        self.errors.append(Diagnostic.of(code, message, help, span=self._cut.lines.span(start, end)))
 
     def _error_of(self, raw: Raw, code: str, message: str, help: HelpText) -> None:
         """Add an error about a whole statement."""

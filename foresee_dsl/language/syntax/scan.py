@@ -58,15 +58,6 @@ class Comment:
     column: int
 
 
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """The result of cutting a text: its statements, the errors of its braces, and its comments, in order."""
-
-    statements: list[Raw]
-    errors: list[Diagnostic]
-    comments: list[Comment]
-
-
 class Lines:
     """Turns offsets into lines and columns."""
 
@@ -89,6 +80,17 @@ class Lines:
         return Span(*self.place(start), *self.place(end))
 
 
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """A text that was cut: its lines, its statements, the errors of its braces, and its comments, in order."""
+
+    text: str
+    lines: Lines
+    statements: list[Raw]
+    errors: list[Diagnostic]
+    comments: list[Comment]
+
+
 @dataclass(slots=True)
 class _Frame:
     """An open block: its statement, the indentation of the statement in columns, and the block's statements so far."""
@@ -100,11 +102,12 @@ class _Frame:
     """True if its opening brace is missing, so that the indentation determines where it ends."""
 
 
-def scan(text: str, lines: Lines) -> Cut:
+def scan(text: str) -> Cut:
     """Cut a text into statements.
 
     If the braces do not balance, the indentation tells where each block should end.
     """
+    lines = Lines(text)
     scanner = _Scanner(text, lines, trust_indentation=False)
     cut = scanner.run()
     if scanner.balanced:
@@ -142,7 +145,7 @@ class _Scanner:
         while len(self._stack) > 1:
             self._unclosed(len(self._text))
         self._few_of_the_unclosed()
-        return Cut(self._stack[0].statements, self.errors, self._comments)
+        return Cut(self._text, self._lines, self._stack[0].statements, self.errors, self._comments)
 
     def _take(self, piece: str, at: int) -> None:
         if piece[0] == "#":

@@ -9,7 +9,7 @@ from pathlib import Path
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.campaign.regression.expectations import Status, expected_in, in_words, judge, names_of
 from foresee_dsl.campaign.regression.suite import SuiteTest, role_of, suite_of
-from foresee_dsl.campaign.regression.verify import reached
+from foresee_dsl.campaign.regression.verify import HARMLESS_EDIT, reached
 from foresee_dsl.drivers.consent import allow, refuse_programs
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.addresses import kind_of
@@ -111,11 +111,7 @@ def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
     except InputError:
         if test.case is not None or reached([test.file]).get(test.file) != "":
             raise
-        note = (
-            "its parent was edited, but the edit does not change this test: `foresee repin --write` records the "
-            "parent's new state"
-        )
-        return load_test_case(test.address, allow_outside=allow_outside, check_pin=False), note
+        return load_test_case(test.address, allow_outside=allow_outside, check_pin=False), HARMLESS_EDIT
 
 
 def _judged(test: SuiteTest, case_result: CaseResult, run: RunRecord, driver: str, version: str) -> CaseResult:

@@ -69,10 +69,8 @@ def departures(parent: Trace, child: Trace) -> tuple[Departure, ...]:
         model = parent.actors[column].model
         departure = _departure(parent, child, column, k, frames)
         if model != info.model:
-            how, largest, at = (
-                ("", 0.0, 0.0) if departure is None else (departure.how, departure.largest_m, departure.largest_at_s)
-            )
-            departure = Departure(info.id, 0.0, largest, at, how, f"{model} => {info.model}")
+            moves = departure or Departure(info.id, 0.0, 0.0, 0.0, "")
+            departure = replace(moves, time_s=0.0, model=f"{model} => {info.model}")
         if departure is not None:
             listed.append(departure)
     gone = columns.keys() - {info.id for info in child.actors}

@@ -217,8 +217,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
     yield verdicts_line(result.seeds)
-    children = [child for clip in result.clips for child in clip.children]
-    if children:
+    if children := result.children:
         notes = [child.reason for child in children if _broke(child)]
         more = f", {len(notes)} broke the driver" if notes else ""
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
@@ -252,7 +251,7 @@ def _allocated(result: CampaignResult) -> str:
     allocation = ", ".join(
         f"{count} to {counted(clips, 'clip')}" for count, clips in sorted(counts.items(), reverse=True)
     )
-    near = sum(bool(child.drawn_near) for clip in clips for child in clip.children)
+    near = sum(bool(child.drawn_near) for child in result.children)
     return (
         f"{result.settings.allocation} allocation of mutants: {allocation}; {near} use the changes of an earlier mutant"
     )
@@ -290,7 +289,7 @@ def _broken_lines(result: CampaignResult, named: int) -> Iterator[Text]:
             yield _path("    more: ", f"foresee run {shlex.quote(names[0])} --driver {driver}")
     if len(reasons) > named:
         yield Text(f"  ... and {len(reasons) - named} other reasons: campaign.json has all")
-    broke = [child for clip in result.clips for child in clip.children if _broke(child)]
+    broke = [child for child in result.children if _broke(child)]
     if broke:
         yield Text(f"\nChildren that broke the driver ({len(broke)}):", style="bold")
     for reason in list(dict.fromkeys(child.reason for child in broke))[:named]:
@@ -321,10 +320,7 @@ def _breaking_lines(result: CampaignResult, named: int) -> Iterator[Text]:
 
 def _changed_lines(result: CampaignResult) -> Iterator[Text]:
     """Yield the changes that the driver made to its process."""
-    notes = [seed.notes for seed in result.seeds]
-    notes += [clip.notes for clip in result.clips]
-    notes += [child.notes for clip in result.clips for child in clip.children]
-    changed = changed_lines(notes)
+    changed = changed_lines([run.notes for runs in (result.seeds, result.clips, result.children) for run in runs])
     for line in changed[:NAMED]:
         yield Text(f"  {line}", style="yellow")
     if len(changed) > NAMED:

@@ -5,7 +5,7 @@ requests.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -83,49 +83,37 @@ def print_comparison(console: Console, comparison: Comparison) -> None:
     console.print(Text(paired(comparison)), soft_wrap=True)
     for line in (*comparison.base.broken, *comparison.new.broken):
         console.print(Text(f"could not be run: {safe(line)}", "bold red"), soft_wrap=True)
-    for change, title, style in _TITLES:
-        _print_pairs(console, comparison.of(change), title, style)
-    if comparison.nearer:
-        console.print(Text(f"\nNear misses that came nearer ({len(comparison.nearer)})", "bold"))
-        for pair in comparison.nearer[:SHOWN]:
-            console.print(Text(f"  {safe(pair.new.name)}\n    {nearer(pair.nearer)}"), soft_wrap=True)
-        _print_more(console, len(comparison.nearer))
+    for title, style, cases in _parts(comparison):
+        console.print(Text(f"\n{title} ({len(cases)})", style))
+        for name, lines in cases[:SHOWN]:
+            console.print(Text("\n    ".join((f"  {safe(name)}", *lines))), soft_wrap=True)
+        if len(cases) > SHOWN:
+            console.print(Text(f"  and {len(cases) - SHOWN} more (`--format json` lists all)", "dim"))
     console.print()
     head = ("", "pairs", "base fails", "new fails", "new failures", "fixed", "p")
     console.print(plain_table(head, map(_figures, comparison.rows), align="<>>>>>>"))
     console.print(Text(f"\n{comparison.sentence}", "bold"), soft_wrap=True)
 
 
-def _print_pairs(console: Console, pairs: tuple[Pair, ...], title: str, style: str) -> None:
-    if not pairs:
-        return
-    console.print(Text(f"\n{title} ({len(pairs)})", style))
-    for pair in pairs[:SHOWN]:
-        lines = "\n    ".join(endings(pair))
-        console.print(Text(f"  {safe(pair.new.name)}\n    {lines}"), soft_wrap=True)
-    _print_more(console, len(pairs))
-
-
-def _print_more(console: Console, number: int) -> None:
-    if number > SHOWN:
-        console.print(Text(f"  and {number - SHOWN} more (`--format json` lists all)", "dim"))
-
-
 def to_markdown(comparison: Comparison) -> str:
     """Return the comparison as a comment on a pull request."""
-    parts = [
-        (title, [(pair.new.name, endings(pair)) for pair in comparison.of(change)]) for change, title, _ in _TITLES
-    ]
-    parts.append(
-        ("Near misses that came nearer", [(pair.new.name, (nearer(pair.nearer),)) for pair in comparison.nearer])
-    )
     return rendered(
         "report/comparison.md",
         comparison=comparison,
         paired=paired(comparison),
-        parts=[(title, cases[:SHOWN_IN_MARKDOWN], len(cases)) for title, cases in parts if cases],
+        parts=[(title, cases[:SHOWN_IN_MARKDOWN], len(cases)) for title, _, cases in _parts(comparison)],
         rows=[_figures(row) for row in comparison.rows],
     )
+
+
+def _parts(comparison: Comparison) -> Iterator[tuple[str, str, Sequence[tuple[str, Sequence[str]]]]]:
+    """Yield the kinds of changes that occur: title, style, and each test case with the lines about it."""
+    for change, title, style in _TITLES:
+        if pairs := comparison.of(change):
+            yield title, style, [(pair.new.name, endings(pair)) for pair in pairs]
+    if comparison.nearer:
+        near_misses = [(pair.new.name, [nearer(pair.nearer)]) for pair in comparison.nearer]
+        yield "Near misses that came nearer", "bold", near_misses
 
 
 def paired(comparison: Comparison) -> str:

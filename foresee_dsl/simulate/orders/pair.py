@@ -1,4 +1,5 @@
-"""Orders that set an actor's speed by another actor: a gap, the other's speed, or arrival at a place at the same time.
+"""Orders that set an actor's motion by another actor: a gap, the other's speed, a distance beside it, or arrival at a
+place at the same time.
 
 The speed depends only on the positions and speeds of both actors, so a clip that begins while such an order is active
 continues as its parent did.
@@ -10,10 +11,12 @@ import math
 
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import KeepsBeside, KeepsGap, MatchesSpeed
-from foresee_dsl.language.traversal import si_of
+from foresee_dsl.language.model.actions import WIDEST_LINE_M
+from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.orders.speed import WAITS_MPS
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
+from foresee_dsl.simulate.orders.speed import THERE_M, WAITS_MPS
 from foresee_dsl.simulate.trace import STEP_S
 
 CLOSES_S = 1.5
@@ -106,6 +109,34 @@ class Match(OrderByOther):
 
     def _target_mps(self) -> float:
         return max(0.0, self._other.speed * self._factor + self._more)
+
+
+class Beside(OrderByOther):
+    """Keeps a lateral distance to another actor, at most `WIDEST_LINE_M` from its lane's centreline."""
+
+    def __init__(self, simulation: Simulation, actor: SumoVehicle, action: KeepsBeside) -> None:
+        super().__init__(simulation, actor, action)
+        self._vehicle = actor
+        apart_m = si_of(action.room) + (actor.width + self._other.width) / 2
+        self._apart_m = apart_m if word_of(action.side) == "left" else -apart_m
+
+    def update(self, time_s: float) -> bool:
+        """See `speed.Command`."""
+        if self._over(time_s):
+            return False
+        if self._other.present:
+            line_m = self._vehicle.beside_m + self._missing_m()
+            self._vehicle.line_m = max(-WIDEST_LINE_M, min(WIDEST_LINE_M, line_m))
+        return True
+
+    def _reached(self) -> bool:
+        return abs(self._missing_m()) <= THERE_M
+
+    def _missing_m(self) -> float:
+        """Return the lateral shift to the left that gives the ordered distance, m."""
+        line, frame = self._simulation.progress, self._simulation.frame
+        here, there = line.of(self._actor, frame)[1], line.beside(self._actor, self._other)
+        return there + self._apart_m - here
 
 
 class Synchrony:

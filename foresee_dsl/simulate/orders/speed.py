@@ -1,4 +1,5 @@
-"""Orders that set an actor's speed for a while: a change of speed, a stop, a meeting.
+"""Orders that set an actor's speed for a while: a change of speed, a stop, a meeting; and the change of a vehicle's
+`line` in its lane.
 
 A later order to the same actor replaces the earlier one.
 """
@@ -11,12 +12,13 @@ from typing import NamedTuple, Protocol
 from foresee_dsl.compile.bundle import TimedValue
 from foresee_dsl.compile.roads.network import StopPlace
 from foresee_dsl.kernels.constants import STANDS_MPS
-from foresee_dsl.language.model import Meets
+from foresee_dsl.language.model import ChangesLine, Meets
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -48,6 +50,9 @@ stopping distance from 20 km/h."""
 BOUND_FROM_M = 60.0
 """An actor that is to ignore a rule at a junction begins to ignore it this far before the junction, m. Ours: SUMO's
 cars begin to brake for a red signal within their stopping distance, 35 m at 65 km/h."""
+THERE_M = 0.05
+"""Distance within which a vehicle is on its `line`, m. Ours: it approaches the line asymptotically; five times the
+rounding of clips."""
 
 
 class Command(Protocol):
@@ -83,6 +88,27 @@ class Ramp:
         if self._over > 0:
             return self._simulation.time_s >= self._since + self._over - STEP_S / 100
         return abs(self._actor.speed - self._to) < STANDS_MPS
+
+
+class LateralShift:
+    """Moves a vehicle to another `line`: linearly over a given time, or at the usual lateral speed."""
+
+    def __init__(self, simulation: Simulation, actor: SumoVehicle, action: ChangesLine) -> None:
+        self._simulation, self._actor = simulation, actor
+        self._from_m, self._to_m = actor.line_m, si_of(action.to)
+        self._over_s = 0.0 if action.over is None else si_of(action.over)
+        self._since_s = simulation.time_s
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        share = 1.0 if self._over_s <= 0 else min(1.0, (time_s + STEP_S - self._since_s) / self._over_s)
+        self._actor.line_m = self._from_m + (self._to_m - self._from_m) * share
+        return share < 1.0
+
+    def complete(self) -> bool:
+        """Return whether the time has passed and the vehicle is on the line."""
+        over = self._simulation.time_s >= self._since_s + self._over_s - STEP_S / 100
+        return over and abs(self._actor.beside_m - self._to_m) <= THERE_M
 
 
 class Stop:

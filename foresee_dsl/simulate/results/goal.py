@@ -20,7 +20,7 @@ DIGITS = 4
 """Decimals of a margin in a trace. Ours: as many as a clip's places have."""
 USUAL_SCALES = {"length": 2.0, "time": 1.5}
 """Margin with which a run counts as far from the bound, if the bound is 0 or there is none, in SI units. Ours: the
-distance and the time to collision below which a pass counts as a near miss (`campaign.allocation.facts`)."""
+distance and the time to collision below which a pass counts as a near miss (`campaign.allocation.draws`)."""
 OTHER_SCALE = 5.0
 """The same for all other dimensions. Ours: 5 m/s, or 5 m/s^2 of braking, which is an emergency manoeuvre in UN
 Regulation 157."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
+from foresee_dsl.compile.roads.network import RoadNetwork, polygon
 from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
@@ -22,7 +23,6 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.compile.roads.polyline import Points
 
 SLOWEST_MPS = 1.0
@@ -131,8 +131,7 @@ class Outlines:
 
 def outline_of(points: Points) -> Outline:
     """Return the area within an outline; outlines of SUMO may touch themselves or have no area."""
-    shape = shapely.make_valid(shapely.Polygon(points)) if len(points) >= 3 else shapely.Polygon()
-    area = shape if shape.area > 0 else shapely.Polygon()
+    area = polygon(points)
     shapely.prepare(area)
     parts = shapely.get_parts(shapely.get_parts(area))
     sides = [np.empty((0, 4))]

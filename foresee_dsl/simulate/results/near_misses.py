@@ -26,7 +26,7 @@ from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.results.criticality import Measure, criticality, of_contacts, of_place
+from foresee_dsl.simulate.results.criticality import Measure, of_contacts, of_place
 from foresee_dsl.simulate.results.footprints import HORIZON_S, Footprints, contacts_with, predicted
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
@@ -93,24 +93,6 @@ def near_misses(trace: Trace) -> NearMisses:
 
 
 _AT_A_MOMENT = tuple(measure.value for measure in Measure)
-
-
-def times_to_collision(trace: Trace, actor: int) -> FloatArray:
-    """Return the ego's time to collision with an actor at each frame, [T] s; infinite without a predicted contact.
-
-    Args:
-        trace: a run. actor: column of the other actor.
-    """
-    return np.nan_to_num(criticality(trace, actor)[Measure.TTC], nan=np.inf)
-
-
-def braking_needed(trace: Trace, actor: int) -> FloatArray:
-    """Return the braking that the ego needs for an actor at each frame (DRAC), [T] m/s^2; 0 if none.
-
-    Args:
-        trace: a run. actor: column of the other actor.
-    """
-    return np.nan_to_num(criticality(trace, actor)[Measure.DRAC], posinf=np.inf)
 
 
 def times_between(trace: Trace, actor: int) -> FloatArray:

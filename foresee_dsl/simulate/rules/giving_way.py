@@ -173,18 +173,13 @@ def _on_crossing(other: SimulatedActor, area: YieldArea, actor: SimulatedActor) 
 
 def _coming(simulation: Simulation, other: SimulatedActor, area: YieldArea) -> Contender | None:
     """Return a vehicle that comes along the other way; None for other actors."""
-    line, conflict = other.placed.line, area.conflict
-    if line is None or other.placed.control == "static" or other.speed < WALKS_MPS:
+    conflict, on_way = area.conflict, _on_other_way(other, area)
+    if on_way is None or other.speed < WALKS_MPS:
         return None
-    theirs = next((p for p in line.passages if p.movement is conflict.of), None)
-    if theirs is None:
-        return None
-    front = line.project(other.x, other.y)[0] + other.length / 2
-    room = theirs.entry_s + conflict.other[0] - conflict.entry_s - front
+    front, entry_s, room = on_way
     if not 0.0 < room <= APPROACH_M:
         return None  # an actor that is in the area already is followed, not hindered
-    before = front < theirs.entry_s
-    if before and conflict.tls and simulation.world.signals.colour(conflict.tls, conflict.link) != "green":
+    if front < entry_s and conflict.tls and simulation.world.signals.colour(conflict.tls, conflict.link) != "green":
         return None
     return Contender(other.id, room, other.speed)
 
@@ -206,11 +201,18 @@ def blocks_others(simulation: Simulation, actor: SimulatedActor, passage: Passag
 
 def _waits(other: SimulatedActor, area: YieldArea) -> bool:
     """Return whether a vehicle stands close before the common area, on the other way."""
-    line = other.placed.line
-    if line is None or other.placed.control == "static" or other.speed >= WALKS_MPS:
-        return False
-    theirs = next((p for p in line.passages if p.movement is area.conflict.of), None)
+    on_way = _on_other_way(other, area) if other.speed < WALKS_MPS else None
+    return on_way is not None and 0.0 < on_way[2] <= WAITS_WITHIN_M
+
+
+def _on_other_way(other: SimulatedActor, area: YieldArea) -> tuple[float, float, float] | None:
+    """Return where a vehicle is on its line that leads along the area's other way, m: its front, the entry into the
+    junction, and the room from its front to the area; None for other actors."""
+    line, conflict = other.placed.line, area.conflict
+    if line is None or other.placed.control == "static":
+        return None
+    theirs = next((p for p in line.passages if p.movement is conflict.of), None)
     if theirs is None:
-        return False
+        return None
     front = line.project(other.x, other.y)[0] + other.length / 2
-    return 0.0 < theirs.entry_s + area.conflict.other[0] - area.conflict.entry_s - front <= WAITS_WITHIN_M
+    return front, theirs.entry_s, theirs.entry_s + conflict.other[0] - conflict.entry_s - front

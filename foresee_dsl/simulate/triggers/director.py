@@ -24,9 +24,18 @@ from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import OpenDoor, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.orders.lateral import Beside, LateralShift
-from foresee_dsl.simulate.orders.pair import Gap, Match, Synchrony
-from foresee_dsl.simulate.orders.speed import Braking, Command, Halt, Meeting, Ramp, Reverse, Stop, StopSpot
+from foresee_dsl.simulate.orders.pair import Beside, Gap, Match, Synchrony
+from foresee_dsl.simulate.orders.speed import (
+    Braking,
+    Command,
+    Halt,
+    LateralShift,
+    Meeting,
+    Ramp,
+    Reverse,
+    Stop,
+    StopSpot,
+)
 from foresee_dsl.simulate.orders.standing import StandingOrders
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S

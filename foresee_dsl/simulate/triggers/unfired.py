@@ -58,29 +58,19 @@ def unfired(
         return ()
     bundle = compiled()
     replay = ConditionReplay(bundle, trace)
-    sees = any(isinstance(part, m.Sees) for step in waiting for part in parts(step.condition))
+    sees = any(isinstance(part, m.Sees) for condition, _ in waiting for part in parts(condition))
     sensing = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors) if sees else None
     conditions = Conditions(replay, bundle.signals, sensing)
-    followed = [_Followed(step, conditions) for step in waiting]
+    followed = [_Followed(condition, trigger, conditions) for condition, trigger in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)
-        for condition in followed:
-            condition.look()
-    return tuple(condition.result() for condition in followed)
+        for each in followed:
+            each.look()
+    return tuple(each.result() for each in followed)
 
 
-@dataclass(frozen=True)
-class _Waiting:
-    """A trigger or step that never began: its condition, and the time from which the condition was evaluated."""
-
-    index: int
-    name: str
-    condition: m.Condition
-    where: Place = ()
-    since_s: float = 0.0
-
-
-def _waiting(scenario: m.Scenario, trace: Trace) -> Iterator[_Waiting]:
+def _waiting(scenario: m.Scenario, trace: Trace) -> Iterator[tuple[m.Condition, UnfiredTrigger]]:
+    """Yield the condition of each trigger or step that waited but never began, and its record without what was near."""
     whens, record = scenario.all(m.When), trace.director
     if record is None or len(record.triggers) != len(whens):
         return
@@ -89,15 +79,16 @@ def _waiting(scenario: m.Scenario, trace: Trace) -> Iterator[_Waiting]:
     came = {(e.detail["index"], tuple(e.detail["where"])) for e in trace.events if e.what == "then"}
     steps = {(e.detail["index"], tuple(e.detail["where"])): e.time_s for e in trace.events if e.what == "waits"}
     for index, (when, states) in enumerate(zip(whens, record.triggers, strict=True)):
-        name = when.name or ""
+        trigger = UnfiredTrigger(written(when.condition), when.name or "", index, (), 0.0, ())
         if all(state.fired_s is None for state in states):
             if not never(when.condition, limits):
-                yield _Waiting(index, name, when.condition)
+                yield when.condition, trigger
             continue
         for (of, where), since_s in steps.items():
             step = _step(when.actions, where) if of == index and (of, where) not in came else None
             if step is not None and step.condition is not None and not never(step.condition, limits):
-                yield _Waiting(index, name, step.condition, where, since_s)
+                text = written(step.condition)
+                yield step.condition, replace(trigger, text=text, where=where, since_s=since_s)
 
 
 def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
@@ -111,16 +102,15 @@ def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
 class _Followed:
     """Evaluates a condition that never held, at each frame of its run."""
 
-    def __init__(self, waiting: _Waiting, conditions: Conditions) -> None:
-        self._waiting, self._conditions = waiting, conditions
-        condition = waiting.condition
+    def __init__(self, condition: m.Condition, trigger: UnfiredTrigger, conditions: Conditions) -> None:
+        self._trigger, self._conditions = trigger, conditions
         joined = condition.conditions if isinstance(condition, m.Both) else (condition,)
         self._parts = [_Part(part, conditions) for part in joined]
         self._most: tuple[int, tuple[Nearest, ...]] = (-1, ())
 
     def look(self) -> None:
         """Evaluate the replay's current frame."""
-        if self._conditions.time_s < self._waiting.since_s - STEP_S / 2:
+        if self._conditions.time_s < self._trigger.since_s - STEP_S / 2:
             return
         held = [part.look() for part in self._parts]
         if len(self._parts) > 1 and sum(held) > self._most[0]:
@@ -129,13 +119,9 @@ class _Followed:
 
     def result(self) -> UnfiredTrigger:
         """Return how near the condition came to holding."""
-        waiting = self._waiting
         short = tuple(part.nearest for part in self._parts if not part.ever)
         nearest = short or tuple(replace(part, held=True) for part in self._most[1])
-        return UnfiredTrigger(
-            written(waiting.condition), waiting.name, waiting.index, waiting.where, waiting.since_s, nearest,
-            together=not short,
-        )  # fmt: skip
+        return replace(self._trigger, nearest=nearest, together=not short)
 
 
 @dataclass

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from corpus import maps, scenarios
 from corpus.limited import run_limited
-from corpus.rows import Outcome, Row, show, write_csv
+from corpus.rows import show, write_csv
 from foresee_dsl.kernels.compiling import ensure
 
 
@@ -23,7 +23,7 @@ def main() -> None:
     parser.add_argument("--csv", type=Path, help="the table as a file")
     parser.add_argument("--only", default="", help="a part of the files' names: .xosc, .xodr")
     parser.add_argument("--seconds", type=float, default=120.0, help="of one scenario, at most")
-    parser.add_argument("--megabytes", type=int, default=4000, help="of one scenario, at most")
+    parser.add_argument("--megabytes", type=int, default=4000, help="of one file, at most")
     options = parser.parse_args()
     settings = scenarios.Settings(options.player, options.maps)
     console = Console()
@@ -33,24 +33,17 @@ def main() -> None:
         if options.only not in name:
             continue
         if file.suffix == ".xosc":
-            job = partial(scenarios.judge, file, name, settings)
-            row = run_limited(job, name, options.seconds, options.megabytes)
+            job, seconds = partial(scenarios.judge, file, name, settings), options.seconds
         elif maps.kind_of(file) is not None:
-            row = _map_row(maps.check_map(file), name)
+            job, seconds = partial(maps.judge, file, name), maps.LIMIT_S
         else:
             continue
+        row = run_limited(job, name, seconds, options.megabytes)
         console.print(f"{row.seconds:6.1f} s  {row.outcome:26s} {name}", highlight=False, soft_wrap=True)
         rows.append(row)
         if options.csv is not None:
             write_csv(rows, options.csv)
     show(rows, console)
-
-
-def _map_row(result: maps.MapRow, name: str) -> Row:
-    drives = result.verdict in (maps.IMPORTED, maps.NOT_ARRIVED)
-    outcome = Outcome.imported if drives else Outcome(result.verdict)
-    arrives = result.verdict == maps.IMPORTED if drives else None
-    return Row(name, outcome, result.detail, arrives=arrives, seconds=result.seconds)
 
 
 def _files(folders: list[Path]) -> list[tuple[Path, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import multiprocessing
 import resource
 import time
@@ -33,8 +34,6 @@ def run_limited(job: Callable[[], Row], name: str, seconds: float, megabytes: in
     if process.is_alive():
         process.kill()
         process.join()
-    import dataclasses
-
     return dataclasses.replace(row, seconds=round(time.monotonic() - begin, 2))
 
 

@@ -1,36 +1,43 @@
-"""Fuzzes the importers of scenarios: `python -m corpus.mutated_files openscenario --files 1000 --seed 1`.
+"""Fuzzes the importers of scenarios and maps: `python -m corpus.mutated_files openscenario --files 1000 --seed 1`.
 
-Each mutated file must become a scenario or an error with a message, within limits of time and memory. Other outcomes
-are printed with the file's number (`--show NUMBER` prints the file), and the exit code is then 1.
+Each mutated file must become a scenario (a map: a net with a starter) or an error with a message, within limits of
+time and memory. Other outcomes are printed with the file's number (`--show NUMBER` prints the file), and the exit code
+is then 1.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import resource
+import signal
 import sys
 import tempfile
-import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
 from foresee_exchange.carla import importer as carla
+from foresee_exchange.maps import osm
 from foresee_exchange.openscenario.reading import importer as openscenario
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.exchange.starter import Ground, starter
+from tests.support import foreign_maps as maps
 from tests.support import openscenario_files as osc
 
-MOST_CPU_S = 20.0
+MOST_CPU_S = 20
 """Limit of processor time for a file, s (the first one compiles the network)."""
 MOST_MEMORY_MB = 3000
 
 _ODD = ("", "x", "-5", "1e400", "nan", "$", "${1/0}", "${" + "(" * 60, "99999999", "0", "-0.0", "Ego", "\u202e", '"',
-        "\\",        "${pi * 1e9}", "true", "0x10", "1e-320", "$pace", "none", "A::B", " 3 ", "\u0663")  # fmt: skip
+        "\\",        "${pi * 1e9}", "true", "0x10", "1e-320", "$pace", "none", "A::B", " 3 ", "\u0663", "inf", "65536",
+        "0.5", "é", "a" * 300, "1,2", "1,2 3", "1,2 3,4", "left", "no", "all", "LHT", "clover", "2 lanes")  # fmt: skip
 _TAGS = ("Event", "Condition", "WorldPosition", "LanePosition", "RoutePosition", "SpeedAction", "LaneChangeAction",
          "StandStillCondition", "Nurbs", "Clothoid", "Trajectory", "waypoint", "position", "route")  # fmt: skip
 _ROUTES = """<routes><route id="1" town="straight"><waypoints><position x="60" y="5.25" z="0"/>
@@ -136,23 +143,67 @@ def carla_file(folder: Path, number: int, seed: int) -> Callable[[], object]:
     return lambda: carla.run(town, [routes], [triggers], out=folder / "out")
 
 
-MAKERS = {"openscenario": openscenario_file, "carla": carla_file}
+def _two_roads() -> str:
+    link = '<successor elementType="road" elementId="2" contactPoint="start"/>'
+    return maps.opendrive(maps.road(links=link), maps.road(id="2", x=60, attributes='rule="RHT"'))
+
+
+def _bent() -> str:
+    pieces = ('<spiral curvStart="0" curvEnd="0.02"/>', '<poly3 a="0" b="0" c="0.01" d="0"/>',
+              '<paramPoly3 aU="0" bU="1" cU="0" dU="0" aV="0" bV="0" cV="0.01" dV="0"/>')  # fmt: skip
+    return maps.opendrive(*(maps.road(id=str(k), x=100 * k, piece=piece) for k, piece in enumerate(pieces)))
+
+
+_MAPS: dict[str, tuple[str, Callable[[], list[str]]]] = {
+    "opendrive": ("map.xodr", lambda: [maps.HILL_ROAD.read_text(), _two_roads(), _bent()]),
+    "osm": ("map.osm", lambda: [(Path(__file__).parents[1] / "tests" / "small_town.osm").read_text()]),
+    "sumo": ("map.net.xml", lambda: [maps.net(), maps.net("100,0 103,0 103,3 106,0")]),
+}
+"""By kind of map: the file name, and the valid maps that are changed."""
+
+
+def map_file(kind: str, folder: Path, number: int, seed: int) -> Callable[[], object]:
+    """Write a mutated map of a kind; return its import, without the drive."""
+    chance = random.Random(f"{kind} {seed} {number}")
+    name, texts = _MAPS[kind]
+    (folder / name).write_bytes(mutated_xml(chance.choice(texts()), chance))
+    return partial(_import_map, folder / name)
+
+
+def _import_map(file: Path) -> None:
+    if file.suffix == ".osm":
+        net, _ = osm.converted(osm.read_osm(file))
+        file = file.with_suffix(".net.xml")
+        file.write_bytes(net)
+    starter(Ground.of(file), name="map", network=file.name, doc="A first drive.")
+
+
+MAKERS: dict[str, Callable[[Path, int, int], Callable[[], object]]] = {
+    "openscenario": openscenario_file,
+    "carla": carla_file,
+    **{kind: partial(map_file, kind) for kind in _MAPS},
+}
+
+
+def _too_long(_signal: int, _frame: object) -> None:
+    raise TimeoutError(f"{MOST_CPU_S} s of the processor")
 
 
 def judge(work: Callable[[], object]) -> str:
     """Return the outcome of an import: `written`, `refused`, or the error."""
-    begin = time.process_time()
+    signal.signal(signal.SIGPROF, _too_long)
+    signal.setitimer(signal.ITIMER_PROF, MOST_CPU_S)
     try:
         work()
-        outcome = "written"
     except ForeseeError as err:
-        outcome = "refused" if str(err).strip() else "an error without words"
+        return "refused" if str(err).strip() else "an error without words"
     except RecursionError:
-        outcome = "RecursionError"
+        return "RecursionError"
     except Exception:
-        outcome = traceback.format_exc()
-    cpu_s = time.process_time() - begin
-    return outcome if cpu_s < MOST_CPU_S else f"{cpu_s:.0f} s of the processor ({outcome[:20]})"
+        return traceback.format_exc()
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+    return "written"
 
 
 def main() -> None:
@@ -186,4 +237,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["FORESEE_CACHE"] = cache  # a thousand nets that are not needed again
+        main()

@@ -65,25 +65,35 @@ def from_carla(options: CarlaOptions, tell: Tell) -> Imported:  # noqa: ARG001 -
 
 
 @dataclass(frozen=True)
-class OpenDriveOptions:
-    """Options of `foresee import opendrive`."""
+class SumoOptions:
+    """Options of `foresee import sumo`."""
 
-    file: Annotated[Path, Option("An OpenDRIVE map (.xodr).", metavar="FILE", positional=True)]
+    file: Annotated[Path, Option("A SUMO network (.net.xml, .net.xml.gz).", metavar="FILE", positional=True)]
     out: OutFolder
     around: Around = None
     in_boundary: InBoundary = None
     in_geo_boundary: InGeoBoundary = None
 
     def __post_init__(self) -> None:
-        _part(self.around, self.in_boundary, self.in_geo_boundary)
+        self.part()
+
+    def part(self) -> Part | None:
+        """Return the part of the map to keep; a `ValueError` says what is wrong with the options."""
+        return _part(self.around, self.in_boundary, self.in_geo_boundary)
+
+
+@dataclass(frozen=True)
+class OpenDriveOptions(SumoOptions):
+    """Options of `foresee import opendrive`."""
+
+    file: Annotated[Path, Option("An OpenDRIVE map (.xodr).", metavar="FILE", positional=True)]
 
 
 def from_opendrive(options: OpenDriveOptions, tell: Tell) -> Imported:
     """Turn an OpenDRIVE map, or a part of it, into a network and a first scenario."""
     from foresee_exchange.maps import opendrive
 
-    part = _part(options.around, options.in_boundary, options.in_geo_boundary)
-    return opendrive.run(options.file, out=options.out, part=part, tell=tell)
+    return opendrive.run(options.file, out=options.out, part=options.part(), tell=tell)
 
 
 @dataclass(frozen=True)
@@ -111,20 +121,6 @@ def from_osm(options: OsmOptions, tell: Tell) -> Imported:
     return osm.run(options.file, out=options.out, part=part, tell=tell)
 
 
-@dataclass(frozen=True)
-class SumoOptions:
-    """Options of `foresee import sumo`."""
-
-    file: Annotated[Path, Option("A SUMO network (.net.xml, .net.xml.gz).", metavar="FILE", positional=True)]
-    out: OutFolder
-    around: Around = None
-    in_boundary: InBoundary = None
-    in_geo_boundary: InGeoBoundary = None
-
-    def __post_init__(self) -> None:
-        _part(self.around, self.in_boundary, self.in_geo_boundary)
-
-
 def from_sumo(options: SumoOptions, tell: Tell) -> Imported:
     """Turn a SUMO network, or a part of it, into a network and a first scenario.
 
@@ -132,8 +128,7 @@ def from_sumo(options: SumoOptions, tell: Tell) -> Imported:
     """
     from foresee_exchange.maps import sumo
 
-    part = _part(options.around, options.in_boundary, options.in_geo_boundary)
-    return sumo.run(options.file, out=options.out, part=part, tell=tell)
+    return sumo.run(options.file, out=options.out, part=options.part(), tell=tell)
 
 
 @dataclass(frozen=True)

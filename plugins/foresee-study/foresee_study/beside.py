@@ -30,8 +30,7 @@ def beside(results: Results, question: str) -> Table:
     for k, figure in enumerate(figures):
         values: list[Value] = []
         for driver in compared:
-            own = ours[driver][k]
-            values += [figure.of(driver)[1], own.value if own else None, _ends(own)]
+            values += [figure.of(driver)[1], *_values([ours[driver][k]])]
         if any(value is not None for value in values[1::3]):
             rows.append(Row(f"{figure.title} ({figure.section})", tuple(values)))
     names = [f"{driver} stands for {STANDS_FOR[driver]}" for driver in results.drivers if driver in STANDS_FOR]

@@ -118,7 +118,8 @@ def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Tr
 def _placed(town: Town, route: CarlaRoute, triggers: Sequence[Trigger], of_family: Counter[str]) -> PlacedRoute:
     if not route.family:
         placed = placed_route.place_route(town.network, route, [], town.ego, in_order=False, heights=town.heights)
-        route = replace(route, family=placed_route.family_on_way(placed, triggers))
+        first = placed.first(triggers)
+        route = replace(route, family=first.family if first is not None else "")
     near = route.triggers or [trigger for trigger in triggers if trigger.family == route.family]
     in_order = not route.triggers and len(near) == of_family[route.family]
     return placed_route.place_route(town.network, route, near, town.ego, in_order=in_order, heights=town.heights)

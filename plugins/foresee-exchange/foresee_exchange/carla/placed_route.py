@@ -17,14 +17,13 @@ from foresee_dsl.compile.roads.routing import RouteError, onward
 from foresee_dsl.exchange.bridges import Heights
 from foresee_dsl.language import model as m
 from foresee_exchange.carla.files import CarlaRoute, Trigger
-from foresee_exchange.carla.ways import Way, length_to, through_of, way_between
+from foresee_exchange.carla.ways import SAME_WAY_RAD, Way, length_to, through_of, way_between
 
 TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
 """A trigger belongs to a route that passes it within 2 m (CARLA's leaderboard, with 10 degrees); if none does, within
 5 m, which finds a trigger for each of Town10HD's routes (measured)."""
 _BACK_RAD = math.radians(100)
 """No road turns by more than this within a metre (ours: the tightest corner of CARLA's towns has a radius of 4 m)."""
-_SAME_WAY_RAD = math.radians(60)
 _BESIDE_M = 0.05
 """A start at most this far from the middle of its lane is on the middle (ours: no place of Town10HD is farther off)."""
 BESIDE_GOAL_M, _ON_GOAL_M = 1.0, 0.5
@@ -76,6 +75,28 @@ class PlacedRoute:
         """Return the position of the goal on the line, m."""
         return self.s + self.finish_m
 
+    def s_of(self, pose: Pose) -> float:
+        """Return the position on the line that is nearest to a place, m."""
+        return min(length_to(self.line, pose, max(self.s - TRIGGER_FAR_M, 0.0)), self.goal_s)
+
+    def off(self, pose: Pose) -> float:
+        """Return the distance of a pose from the line, m; infinite if the pose faces in another direction than the
+        line."""
+        x, y, heading = self.line.at(self.s_of(pose))
+        if abs(wrap(heading - pose.heading_rad)) > SAME_WAY_RAD:
+            return math.inf
+        return math.hypot(x - pose.x, y - pose.y)
+
+    def first(self, triggers: Sequence[Trigger]) -> Trigger | None:
+        """Return the first trigger, of those on the line, that the ego reaches."""
+        away = [(self.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
+        for within_m in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
+            if near := [candidate for candidate in away if candidate[0] <= within_m]:
+                return min(
+                    near, key=lambda candidate: (round(self.s_of(candidate[2].pose), 1), candidate[0], candidate[1])
+                )[2]
+        return None
+
 
 def place_route(
     network: RoadNetwork,
@@ -96,10 +117,9 @@ def place_route(
         RouteError: its places are not on the map, or not connected.
     """
     placed = _over_goal_lane(network, way_between(network, route.start, route.end, route.between, heights), route, spec)
-    drive = _Drive(placed.line, placed.s, placed.goal_s)
-    own = (t for t in triggers if in_order and t.order == route.order and drive.off(t.pose) <= TRIGGER_FAR_M)
-    trigger = next(own, None) or drive.first(triggers)
-    trigger_m = 0.0 if trigger is None else drive.s_of(trigger.pose) - placed.s
+    own = (t for t in triggers if in_order and t.order == route.order and placed.off(t.pose) <= TRIGGER_FAR_M)
+    trigger = next(own, None) or placed.first(triggers)
+    trigger_m = 0.0 if trigger is None else placed.s_of(trigger.pose) - placed.s
     return replace(placed, named=through_of(network, placed.named), trigger_m=trigger_m, trigger=trigger)
 
 
@@ -205,12 +225,6 @@ def _driven(route: PlacedRoute) -> list[XY]:
     return [xy for s, xy in zip(route.line.marks, route.line.xy, strict=True) if route.s <= s <= route.goal_s]
 
 
-def family_on_way(route: PlacedRoute, triggers: Sequence[Trigger]) -> str:
-    """Return the family of the first trigger on a route; empty if there is none."""
-    trigger = _Drive(route.line, route.s, route.goal_s).first(triggers)
-    return trigger.family if trigger is not None else ""
-
-
 def passages_of(network: RoadNetwork, route: PlacedRoute) -> list[Passage]:
     """Return the junctions at which the scenario may happen: those after the trigger on the ego's route, in order.
 
@@ -238,34 +252,3 @@ def _edge(network: RoadNetwork, line: RouteLine, s: float, side: int) -> float:
     on_road = shapely.contains_xy(network.drivable, [x for x, _ in places], [y for _, y in places])
     beyond = next((offset for offset, road in zip(steps, on_road, strict=True) if not road), steps[-1])
     return beyond + side * 0.75  # beyond the kerb
-
-
-@dataclass(frozen=True)
-class _Drive:
-    """The part of a line that the ego drives."""
-
-    line: RouteLine
-    start_s: float
-    goal_s: float
-
-    def s_of(self, pose: Pose) -> float:
-        """Return the position on the line that is nearest to a place, m."""
-        return min(length_to(self.line, pose, max(self.start_s - TRIGGER_FAR_M, 0.0)), self.goal_s)
-
-    def off(self, pose: Pose) -> float:
-        """Return the distance of a pose from the line, m; infinite if the pose faces in another direction than the
-        line."""
-        x, y, heading = self.line.at(self.s_of(pose))
-        if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
-            return math.inf
-        return math.hypot(x - pose.x, y - pose.y)
-
-    def first(self, triggers: Sequence[Trigger]) -> Trigger | None:
-        """Return the first trigger, of those on the line, that the ego reaches."""
-        away = [(self.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
-        for within_m in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
-            if near := [candidate for candidate in away if candidate[0] <= within_m]:
-                return min(
-                    near, key=lambda candidate: (round(self.s_of(candidate[2].pose), 1), candidate[0], candidate[1])
-                )[2]
-        return None

@@ -58,14 +58,10 @@ _MAPPED_CROSSINGS = ("--osm.crossings", "true")
 """Option that uses the map's own crossings. With it, netconvert 1.28 crashes on some extracts (3 of 28 of osm2streets),
 which are then converted without it."""
 _AGAIN = (
-    "--junctions.corner-detail",
-    "5",
-    "--output.street-names",
-    "true",
-    "--precision",
-    "3",
-    "--no-warnings",
-    "true",
+    *("--junctions.corner-detail", "5"),
+    *("--output.street-names", "true"),
+    *("--precision", "3"),
+    *("--no-warnings", "true"),
 )
 _CAR_STREETS = frozenset(
     {
@@ -176,8 +172,6 @@ def converted(root: Element, *, alone: bool = False, box: Boundary | None = None
     Args:
         alone: whether to keep streets that lead to no other street. box: the part to keep; None: all.
     """
-    from xml.etree.ElementTree import tostring
-
     maps = sumo_home() / "data" / "typemap"
     with tempfile.TemporaryDirectory(prefix="foresee-osm-") as folder_name:
         folder = Path(folder_name)
@@ -347,18 +341,9 @@ def _crossing_places(root: Element, net: Topology) -> Iterator[XY]:
     """
     import numpy as np
 
-    degrees: dict[str, tuple[float, float]] = {}
-    crossings = []
-    for node in root.iterfind("node"):
-        try:
-            at = float(node.get("lon", "nan")), float(node.get("lat", "nan"))
-        except ValueError:
-            continue
-        if not all(map(math.isfinite, at)):
-            continue
-        degrees[node.get("id", "")] = at
-        if any(tag.get("k") == "highway" and tag.get("v") == "crossing" for tag in node.iterfind("tag")):
-            crossings.append(at)
+    degrees = {name: at for name, at in _places(root).items() if all(map(math.isfinite, at))}
+    nodes = (node.get("id", "") for node in root.iterfind("node") if _tag(node, "highway") == "crossing")
+    crossings = [degrees[name] for name in nodes if name in degrees]
     pairs = [(degrees[name], (junction.x, junction.y)) for name, junction in net.junctions.items() if name in degrees]
     if len(pairs) < _LEAST_JUNCTIONS or not crossings:
         return

@@ -14,12 +14,12 @@ from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
 from foresee_dsl.cli.options.case_selection import OnlyOption
-from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, json_document
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, json_document, names_in
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from rich.console import Console
 
@@ -181,8 +181,8 @@ def study(
     exhaustive_drivers, exhaustive_repetitions = numbers_in(exhaustive, 2, "--exhaustive")
     fuzz_repetitions, cycles, mutations = numbers_in(fuzzing, 3, "--fuzzing")
     settings = StudySettings(
-        drivers=names_in(drivers) or DRIVERS,
-        rankers=names_in(rankers) or RANKERS,
+        drivers=names_in(drivers or "") or DRIVERS,
+        rankers=names_in(rankers or "") or RANKERS,
         half=chosen or StudySettings.half,
         first=cases,
         repetitions=repetitions,
@@ -359,17 +359,12 @@ def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) ->
 # -----------------------------------------------------------------------------------------
 
 
-def names_in(text: str | None) -> tuple[str, ...]:
-    """Return the names in a text that separates them by commas, each once; none without a text."""
-    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
-
-
 def presets_in(text: str | None) -> tuple[str, ...]:
     """Return the presets with the names in a text that separates them by commas."""
     from foresee_dsl.derive.presets import UnknownPresetError, preset
 
     try:
-        return tuple(preset(name).name for name in names_in(text))
+        return tuple(preset(name).name for name in names_in(text or ""))
     except UnknownPresetError as err:
         raise typer.BadParameter(str(err), param_hint="--readings") from err
 
@@ -378,32 +373,28 @@ def searches_in(text: str | None) -> tuple[str, ...]:
     """Return the searches with the names in a text that separates them by commas."""
     from foresee_study.search.searches import SEARCHES
 
-    for name in (names := names_in(text)):
-        if name not in SEARCHES:
-            raise typer.BadParameter(f"{name!r} is not one of: {', '.join(SEARCHES)}", param_hint="--searches")
-    return names
+    return tuple(one_of(SEARCHES, name, "--searches") for name in names_in(text or ""))
 
 
 def allocation_named(text: str) -> Allocation:
     """Return the allocation of mutants with this name."""
     from foresee_dsl.campaign.settings import Allocation
 
-    if text not in get_args(Allocation):
-        names = ", ".join(get_args(Allocation))
-        raise typer.BadParameter(f"{text!r} is not one of: {names}", param_hint="--allocation")
-    return cast("Allocation", text)
+    return cast("Allocation", one_of(get_args(Allocation), text, "--allocation"))
 
 
 def half_named(text: str | None) -> Half | None:
     """Return the half with this name; None without a name."""
     from foresee_study.halves import Half
 
-    if text is None:
-        return None
-    try:
-        return Half(text)
-    except ValueError as err:
-        raise typer.BadParameter(f"{text!r} is not one of: even, odd, all", param_hint="--half") from err
+    return None if text is None else Half(one_of(Half, text, "--half"))
+
+
+def one_of(names: Iterable[str], text: str, option: str) -> str:
+    """Return a text that is one of these names; another one is wrong usage of the option."""
+    if text not in (choices := list(names)):
+        raise typer.BadParameter(f"{text!r} is not one of: {', '.join(choices)}", param_hint=option)
+    return text
 
 
 def numbers_in(text: str, count: int, option: str) -> list[int]:

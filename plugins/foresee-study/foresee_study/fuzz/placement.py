@@ -128,8 +128,7 @@ class Around:
 
     def walks_about(self, start: XY, length_m: float) -> Points | None:
         """Return a random walk over sidewalks and crossings; None without sidewalks."""
-        walk = walkways(self.network).walk(start, length_m, self.rng)
-        return walk.points if walk is not None else None
+        return walkways(self.network).walk(start, length_m, self.rng)
 
     def route(self, place: LanePlace, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
         """Return a random route from a place on, of this length or up to the end of the network."""

@@ -9,6 +9,7 @@ from foresee_learned.rasters.layout import FORWARD
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.exchange.network_parts import signal_states
 from foresee_dsl.forecast.protocol import Surroundings
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace
@@ -58,15 +59,12 @@ def pictures_of(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def signals_at(trace: Trace, surroundings: Surroundings, frame: int) -> dict[str, SignalColour]:
     """Return the colours of the signals on the ego's route at a frame, by `JunctionPassage.signal`."""
-    column = {junction: k for k, junction in enumerate(trace.signals)}
+    states = signal_states(surroundings.signals, trace, frame)
     colours: dict[str, SignalColour] = {}
     for passage in surroundings.mission.junctions:
-        if passage.signal is None or passage.junction not in column:
-            continue
-        k, signal = column[passage.junction], surroundings.signals[passage.junction]
-        stage = trace.signal_stages[k][int(trace.stages[frame, k])]
-        phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, k]))
-        colours[passage.signal] = colour_shown(signal.phases[phase].state, int(passage.signal.rpartition(":")[2]))
+        tls, _, index = (passage.signal or "").rpartition(":")
+        if passage.signal is not None and tls in states:
+            colours[passage.signal] = colour_shown(states[tls], int(index))
     return colours
 
 

@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import all_actions
 from foresee_exchange.naming import number, quantity
 from foresee_exchange.openscenario.reading.conditions import Step
 from foresee_exchange.openscenario.reading.entities import EntityState
@@ -309,7 +310,7 @@ def waited(delay_s: float, actions: list[m.Action]) -> list[m.Action]:
 
 
 def _does_anything(actions: Sequence[m.Action]) -> bool:
-    return any(_does_anything(a.actions) if isinstance(a, m.Then) else not isinstance(a, m.Wait) for a in actions)
+    return any(not isinstance(action, m.Wait | m.Then) for action in all_actions(actions))
 
 
 def _between(lane: int, target: int) -> int:

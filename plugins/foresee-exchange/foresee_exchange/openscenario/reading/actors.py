@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
-import shapely
-
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
@@ -25,7 +23,13 @@ from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, point_of
 from foresee_exchange.openscenario.reading.source import Source
 from foresee_exchange.openscenario.reading.ways import trajectories as tracks
-from foresee_exchange.openscenario.reading.ways.held_up import held_by_tyres, lane_ahead, path_along, way_on
+from foresee_exchange.openscenario.reading.ways.held_up import (
+    held_by_tyres,
+    lane_ahead,
+    path_along,
+    way_on,
+    without_needless,
+)
 
 _WALK_M = 60.0
 """Length of a pedestrian's straight path if the file has no path, m (ours: the usual run of a minute at 1 m/s)."""
@@ -37,8 +41,6 @@ _APART_M = 1.0
 """An actor farther than this from its trajectory's beginning goes there first, m (ours)."""
 _ASKEW_RAD = math.radians(20)
 """A vehicle whose heading differs by more than this from its lane's does not follow the lane (ours)."""
-_STRAIGHT_M = 0.02
-"""Largest distance between a path and a point that it leaves out, m (ours)."""
 _NOTED_S = 20.0
 """An actor that reaches the end of its lane within this time, s, is reported (ours: a third of the usual run)."""
 _GENTLE_MPS2 = 1.0
@@ -267,7 +269,7 @@ class ActorBuilder:
             return []
         if self.network.far_from_lanes(points, _NEAR_M) is not None:
             return []
-        return [(float(x), float(y)) for x, y in shapely.simplify(shapely.LineString(points), _STRAIGHT_M).coords]
+        return without_needless(points)
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
         """Return an actor that goes straight on off the lanes, or stands still."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
+import shapely
+
 from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language import model as m
@@ -19,7 +21,7 @@ from foresee_exchange.naming import number, quantity
 from foresee_exchange.openscenario.reading.beginnings import Beginning, holds_at_start
 from foresee_exchange.openscenario.reading.entities import Entity
 from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
-from foresee_exchange.openscenario.reading.places import Places
+from foresee_exchange.openscenario.reading.places import Places, point_of
 
 Op = Literal["<", "<=", ">", ">="]
 _RULES: Mapping[str, Op] = {"lessThan": "<", "lessOrEqual": "<=", "greaterThan": ">", "greaterOrEqual": ">="}
@@ -263,8 +265,8 @@ class ConditionReader:
         if not way.points:
             place = m.AlongRoute(actor=entity.name, at=quantity(min(at, way.length_m), "length"))
             return m.Within(actor=entity.name, distance=quantity(_BESIDE_M, "length"), of=place)
-        x, y = _along(way.points, distance + entity.spec.length_m / 2)
-        return m.Within(actor=entity.name, distance=quantity(0.2, "length"), of=_point(x, y))
+        there = shapely.LineString(way.points).interpolate(distance + entity.spec.length_m / 2)
+        return m.Within(actor=entity.name, distance=quantity(0.2, "length"), of=point_of(Pose(there.x, there.y, 0.0)))
 
     def _between(self, kind: Element, entity: Entity) -> m.Condition:
         """Return a condition between two entities."""
@@ -348,7 +350,7 @@ class ConditionReader:
             if to_points:
                 distance, further = _of_reference_point(distance, entity)
                 pose = pose.ahead(further)
-            of = _point(pose.x, pose.y)
+            of = point_of(pose)
         near = m.Within(actor=entity.name, distance=quantity(distance, "length"), of=of)
         return near if reach or _op(kind.get("rule", "")) in ("<", "<=") else m.Not(condition=near)
 
@@ -461,17 +463,3 @@ def _compares(value: str, rule: str, with_: str) -> bool:
     if rule not in holds:
         raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
     return holds[rule]
-
-
-def _along(points: tuple[tuple[float, float], ...], distance: float) -> tuple[float, float]:
-    for a, b in itertools.pairwise(points):
-        step = math.dist(a, b)
-        if distance <= step and step > 0:
-            share = distance / step
-            return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
-        distance -= step
-    return points[-1]
-
-
-def _point(x: float, y: float) -> m.Point:
-    return m.Point(x=quantity(x, "length"), y=quantity(y, "length"))

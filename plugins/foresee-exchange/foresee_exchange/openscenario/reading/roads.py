@@ -16,6 +16,7 @@ import shapely
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap, number
 from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.errors import CompileError
 from foresee_exchange.openscenario.reading.losses import SourceError
 
@@ -234,18 +235,15 @@ class Roads:
 
     def _lanes(self, road: str, s: float) -> list[int]:
         """Return the ids of the lanes for vehicles at a length along a road."""
-        sections = self._roads[road].findall("lanes/laneSection")
-        section: Element | None = None
-        for candidate in sections:
-            if number(candidate, "s", 0.0) <= s + 1e-6 or section is None:
-                section = candidate
-        if section is None:
+        sections = self.lane_sections(road)
+        if not sections:
             return []
+        section = ([section for begin, _, section in sections if begin <= s + 1e-6] or [sections[0][2]])[-1]
         lanes = [*section.iterfind("left/lane"), *section.iterfind("right/lane")]
         return [round(number(lane, "id")) for lane in lanes if lane.get("type") not in ("none", "border", "curb")]
 
     @cached_property
-    def _lines(self) -> list[tuple[str, shapely.LineString, tuple[list[float], list[float]]]]:
+    def _lines(self) -> list[tuple[str, shapely.LineString, tuple[list[float], tuple[float, ...]]]]:
         """Return all reference lines as polygons, each with its sample positions on the curve and along the polygon."""
         lines = []
         for road in self._roads:
@@ -255,7 +253,7 @@ class Roads:
                 points = [(pose.x, pose.y) for pose in (self._map.at(road, s, 0.0) for s in at)]
             except CompileError:
                 continue
-            along = [0.0, *itertools.accumulate(math.dist(a, b) for a, b in itertools.pairwise(points))]
+            along = lengths(points)
             if along[-1] > 0:
                 lines.append((road, shapely.LineString(points), (at, along)))
         return lines

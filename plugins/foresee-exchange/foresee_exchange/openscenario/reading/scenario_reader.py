@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Set
 from functools import lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -16,6 +16,7 @@ from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import all_actions
 from foresee_exchange.naming import number, quantity, sentence
 from foresee_exchange.openscenario.reading.actions import ROUTING, TriggerBuilder
 from foresee_exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
@@ -147,8 +148,8 @@ class ScenarioReader:
             speeds += [item.speed for item in actor.body if isinstance(item, m.CruiseSpeed)]
             highest_mps[actor.name] = max((speed.si for speed in speeds if isinstance(speed, m.Quantity)), default=0.0)
         for when in scenario.all(m.When):
-            for change in _changes_of_speed(when.actions):
-                if isinstance(change.to, m.Quantity):
+            for change in all_actions(when.actions):
+                if isinstance(change, m.ChangesSpeed) and isinstance(change.to, m.Quantity):
                     highest_mps[change.actor] = max(highest_mps.get(change.actor, 0.0), change.to.si)
         requirements: dict[str, Requirements] = {}
         for ref, entity in self.entities.items():
@@ -301,14 +302,6 @@ class ScenarioReader:
         except NotExpressed:
             return None, True
         return place.lane or None, abs(math.remainder(off, math.tau)) < math.pi / 2
-
-
-def _changes_of_speed(actions: Sequence[m.Action]) -> Iterator[m.ChangesSpeed]:
-    for action in actions:
-        if isinstance(action, m.ChangesSpeed):
-            yield action
-        elif isinstance(action, m.Then):
-            yield from _changes_of_speed(action.actions)
 
 
 def _end_s(source: Source, losses: Losses) -> float:

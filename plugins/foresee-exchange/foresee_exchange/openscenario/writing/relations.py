@@ -10,7 +10,7 @@ from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of, word_of
-from foresee_exchange.openscenario.writing.library import Xosc, figure, osc, world
+from foresee_exchange.openscenario.writing.library import Xosc, at_once, figure, osc, world
 
 Related = m.ChangesLine | m.KeepsBeside | m.KeepsGap | m.MatchesSpeed | m.Synchronises
 
@@ -53,9 +53,8 @@ def related_action(action: Related, scene: Scene, left_out: Counter[str]) -> Xos
                 left_out[
                     "the difference of a speed that also has a ratio to another's (only the ratio is written)"
                 ] += 1
-            step = osc.TransitionDynamics(osc.DynamicsShapes.step, osc.DynamicsDimension.time, 0)
             value = factor if factor != 1.0 else more
-            return osc.RelativeSpeedAction(figure(value), action.other, step, by_factor, continuous=True)
+            return osc.RelativeSpeedAction(figure(value), action.other, at_once(), by_factor, continuous=True)
         case m.Synchronises():
             places = [_where(place, scene) for place in (action.there, action.place)]
             if any(place is None for place in places):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import ModelSpec
@@ -115,8 +114,12 @@ def _along(line: RouteLine, start: Pose) -> list[XY]:
     ]
     if not points:
         return []
-    kept = shapely.simplify(shapely.LineString([(start.x, start.y), *points]), _STRAIGHT_M)
-    return [(float(x), float(y)) for x, y in np.asarray(kept.coords)]
+    return without_needless([(start.x, start.y), *points])
+
+
+def without_needless(points: list[XY]) -> list[XY]:
+    """Return a way without points on straight parts; at least two points."""
+    return [(float(x), float(y)) for x, y in shapely.simplify(shapely.LineString(points), _STRAIGHT_M).coords]
 
 
 def lane_ahead(roads: Roads, place: RoadPlace, length_m: float, *, onward: bool) -> list[Pose]:

@@ -1,9 +1,10 @@
-"""Commands for a single finding: `minimise`, `review` and `diagnose`."""
+"""Commands for a single finding: `minimise`, `review`, `diagnose` and `sure`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +19,10 @@ FindingArgument = Annotated[
 CampaignOption = Annotated[
     Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
 ]
+OtherDriverOption = Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")]
+_RunProgramsOption = Annotated[
+    bool, typer.Option("--run-programs", help="Start the program that the file records as an external driver.")
+]
 
 
 def minimise(
@@ -31,10 +36,8 @@ def minimise(
         bool, typer.Option("--full", help="Write the finding in its original form, without minimising it.")
     ] = False,
     budget: Annotated[int, typer.Option(min=1, max=100_000, help="Maximum number of runs.")] = 60,
-    driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
-    run_programs: Annotated[
-        bool, typer.Option("--run-programs", help="Start the program that the file records as an external driver.")
-    ] = False,
+    driver: OtherDriverOption = "",
+    run_programs: _RunProgramsOption = False,
     store: Annotated[
         Path | None, typer.Option("--store", help="Folder in which results are stored; by default the campaign's.")
     ] = None,
@@ -120,16 +123,27 @@ def review(
     typer.echo(review_text(finding_review), nl=False)
 
 
-def _list_findings(campaign: Path, *, json: bool) -> None:
+def written_campaign(campaign: Path) -> Mapping[str, Any]:
+    """Return what a campaign's folder says about its findings.
+
+    Raises:
+        ForeseeError: the folder does not hold a campaign.
+    """
     from foresee_dsl.campaign.findings.written import read_written
-    from foresee_dsl.campaign.triage.standing import standing_of_written
     from foresee_dsl.errors import ForeseeError
-    from foresee_dsl.report.terminal.campaign import print_findings
 
     data = read_written(campaign)
     if not data:
         raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
                            "`--campaign OUT` names another folder")  # fmt: skip
+    return data
+
+
+def _list_findings(campaign: Path, *, json: bool) -> None:
+    from foresee_dsl.campaign.triage.standing import standing_of_written
+    from foresee_dsl.report.terminal.campaign import print_findings
+
+    data = written_campaign(campaign)
     standing = standing_of_written(data, campaign)
     if json:
         print_json({"findings": data["findings"], "standing": standing})
@@ -149,12 +163,10 @@ def diagnose(
             "--all", help="Diagnose all findings of the campaign, and count how often each part is the cause."
         ),
     ] = False,
-    driver: Annotated[str, typer.Option("--driver", help="Drive with this driver instead of the recorded one.")] = "",
+    driver: OtherDriverOption = "",
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed to use instead of the recorded one.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, max=512, help="Number of processes for `--all`.")] = 1,
-    run_programs: Annotated[
-        bool, typer.Option("--run-programs", help="Start the program that the file records as an external driver.")
-    ] = False,
+    run_programs: _RunProgramsOption = False,
     json: JsonOption = False,
 ) -> None:
     """Say which part of the driver causes a failure: drive it again with ideal perception, tracking, prediction, rules
@@ -186,3 +198,47 @@ def diagnose(
         print_json({"diagnoses": results})
     elif every:
         typer.echo(counts_text(results), nl=False)
+
+
+def sure(
+    finding: Annotated[
+        str,
+        typer.Argument(metavar="FINDING|MUTANT|TEST_CASE", help="A finding's number or name, a file, or FILE::CASE."),
+    ],
+    campaign: CampaignOption = Path("out"),
+    driver: OtherDriverOption = "",
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed, instead of the recorded one.")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, max=512, help="Number of processes.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the failing region as a scenario that draws cases in it.")
+    ] = None,
+    run_programs: _RunProgramsOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Say how sure a failure is: the share of 20 sensor seeds that fail, the smallest change of each changed value at
+    which it passes, a map over the two changes that matter most, and the failing region as a `require` line.
+
+    It takes some 120 runs of the finding. The result is kept beside the campaign, where the page and `review` show it.
+
+    [dim]foresee sure 3
+    foresee sure 3 --jobs 2 --out region[/dim]
+    """
+    from foresee_dsl.campaign.findings.diagnosing import failing_named
+    from foresee_dsl.campaign.findings.sure import how_sure
+    from foresee_dsl.campaign.findings.sureness import keep_sureness
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.report.terminal.live import bars
+    from foresee_dsl.report.terminal.review import sureness_text
+
+    failing = failing_named(finding, campaign, driver=driver, seed=seed, run_programs=run_programs)
+    with bars(console(error=True)) as progress:
+        task = progress.add_task("runs", total=None)
+        result = how_sure(failing, jobs, lambda done, of: progress.update(task, completed=done, total=of), out)
+    if failing.campaign is not None:
+        keep_sureness(failing.campaign, result)
+    if out is not None and result.region is None:
+        raise ForeseeError(f"nothing is written to {out}: {result.note}")
+    if json:
+        print_json(result)
+    else:
+        typer.echo(sureness_text(result), nl=False)
