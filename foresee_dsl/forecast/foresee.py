@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.forecast.geometry import (
-    all_distances_to_ego,
+    distances_to_ego,
     enters_from_side,
     ever_near,
     feet_on_path,
@@ -50,7 +50,7 @@ def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float
     actors = [actor for actor, radius in enumerate(radii) if actor > 0 and radius > 0]
     within_m = np.array([radii[actor] for actor in actors])
     encounters = []
-    all_gaps = all_distances_to_ego(trace, actors, within_m + settings.prominence_m)
+    all_gaps = distances_to_ego(trace, actors, within_m + settings.prominence_m)
     for actor, gaps in zip(actors, all_gaps, strict=True):
         for first, last in local_minima(gaps, within_m=radii[actor], prominence_m=settings.prominence_m):
             frame = (

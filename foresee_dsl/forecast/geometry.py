@@ -13,21 +13,15 @@ from foresee_dsl.kernels.boxes import ever_within, gaps_to_first
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 
-def distances_to_ego(trace: Trace, actor: int, *, within_m: float = math.inf) -> FloatArray:
-    """Return the distance between the footprints of the ego and an actor, [T], m.
+def distances_to_ego(trace: Trace, actors: Sequence[int], within_m: FloatArray | None = None) -> FloatArray:
+    """Return the distances between the footprints of the ego and of K actors, [K, T], m.
 
-    It is infinite where one of them is absent, and where the distance between the centres shows already that it exceeds
-    `within_m`.
+    A distance is infinite where one of them is absent, and where the distance between the centres shows already that it
+    exceeds the actor's radius in `within_m`, [K] m.
     """
-    gaps: FloatArray = all_distances_to_ego(trace, [actor], np.array([within_m]))[0]
-    return gaps
-
-
-def all_distances_to_ego(trace: Trace, actors: Sequence[int], within_m: FloatArray) -> FloatArray:
-    """Return the distances to the ego of K actors, each with its own radius `within_m` [K]: [K, T], m."""
-    columns = [0, *actors]
+    columns, radii = [0, *actors], np.full(len(actors), np.inf) if within_m is None else _whole(within_m)
     poses = trace.states[:, columns][..., [X, Y, HEADING]].transpose(1, 0, 2)
-    gaps: FloatArray = gaps_to_first(_whole(poses), _sizes(trace, columns), _whole(within_m))
+    gaps: FloatArray = gaps_to_first(_whole(poses), _sizes(trace, columns), radii)
     return gaps
 
 

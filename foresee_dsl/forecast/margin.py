@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foresee_dsl.forecast.geometry import all_distances_to_ego, local_minima
+from foresee_dsl.forecast.geometry import distances_to_ego, local_minima
 from foresee_dsl.forecast.protocol import Ranker, RiskyPoint
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
@@ -92,20 +93,19 @@ def _moved(trace: Trace, point: RiskyPoint, shift_s: float, before_s: float) -> 
     return [replace(point, frame=frame, time_s=float(trace.time_s[frame]), score=point.score / 2, why=why)]
 
 
-def _gaps(trace: Trace, series: GoalSeries) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+def _gaps(trace: Trace, series: GoalSeries) -> dict[str, FloatArray]:
     """Return the distances to the ego of the actors that a point may be about, [T] m: those that the goal names; if it
     names none, all except obstacles.
     """
     columns = [k for k, info in enumerate(trace.actors) if k and info.id in series.actors]
     columns = columns or [k for k, info in enumerate(trace.actors) if k and info.kind != "obstacle"]
-    gaps = all_distances_to_ego(trace, columns, np.full(len(columns), np.inf)) if columns else ()
-    return {trace.actors[k].id: row for k, row in zip(columns, gaps, strict=True)}
+    return {trace.actors[k].id: row for k, row in zip(columns, distances_to_ego(trace, columns), strict=True)}
 
 
 def _point(
     trace: Trace,
     series: GoalSeries,
-    gaps: dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]],
+    gaps: dict[str, FloatArray],
     frame: int,
     margin: float,
 ) -> RiskyPoint:

@@ -24,7 +24,7 @@ def crossing_car(*, behind_m: float) -> Trace:
 
 def found(trace: Trace, seed: int = 0) -> list[ScoredCandidate]:
     last = trace.frames - 1
-    return search(RecordedRun.of(trace), [1], 0, last, last // 2, np.random.default_rng(seed))
+    return search(RecordedRun.of(trace), [1], 0, last, last // 2, np.random.default_rng(seed), CarefulSettings())
 
 
 def test_a_car_that_crosses_just_behind_is_found_to_hit_when_it_is_faster() -> None:

@@ -22,14 +22,14 @@ def minima(values, within=10.0, prominence=0.1):
 
 def test_distance_is_between_footprints_and_infinite_where_absent():
     trace = make_trace({"ego": straight("car", 0, 0, EAST, 0), "lead": until(straight("car", 14, 0, EAST, 0), 5)})
-    gaps = distances_to_ego(trace, 1)
+    gaps = distances_to_ego(trace, [1])[0]
     assert gaps[0] == pytest.approx(10.0)  # 14 m between the centres of two cars of 4 m
     assert np.isinf(gaps[101:]).all()
 
 
 def test_distance_beyond_the_radius_is_not_computed_and_never_too_small():
     trace = make_trace({"ego": straight("car", 0, 0, EAST, 5), "runner": straight("car", 100, 40, WEST, 7)})
-    full, near = distances_to_ego(trace, 1), distances_to_ego(trace, 1, within_m=30)
+    full, near = distances_to_ego(trace, [1])[0], distances_to_ego(trace, [1], np.array([30.0]))[0]
     assert np.array_equal(near[full <= 30], full[full <= 30])
     assert np.isinf(near[full > 45]).all()
 

@@ -13,7 +13,6 @@ import pytest
 from shapely import LineString, Point, Polygon
 
 from foresee_dsl.forecast.geometry import (
-    all_distances_to_ego,
     distances_to_ego,
     ever_near,
     feet_on_path,
@@ -128,14 +127,14 @@ def test_all_at_once_is_one_after_the_other() -> None:
         "walker": straight("pedestrian", 40, -10, NORTH, 1),
         "far": straight("car", 500, 0, EAST, 1),
     })  # fmt: skip
-    gaps = all_distances_to_ego(trace, [1, 2, 3], np.array([10.0, 50.0, 10.0]))
+    gaps = distances_to_ego(trace, [1, 2, 3], np.array([10.0, 50.0, 10.0]))
     for row, actor, within in zip(gaps, (1, 2, 3), (10.0, 50.0, 10.0), strict=True):
-        assert np.array_equal(row, distances_to_ego(trace, actor, within_m=within))
+        assert np.array_equal(row, distances_to_ego(trace, [actor], np.array([within]))[0])
         full = pairwise_box_distance(trace.boxes(0), trace.boxes(actor))
         assert row[np.isfinite(row)] == pytest.approx(full[np.isfinite(row)], abs=1e-12)
         assert not (full[np.isinf(row)] <= within).any()
     assert np.isinf(gaps[2]).all() and np.isfinite(gaps[0]).any()
-    assert all_distances_to_ego(trace, [], np.empty(0)).shape == (0, trace.frames)
+    assert distances_to_ego(trace, [], np.empty(0)).shape == (0, trace.frames)
 
 
 def test_gaps_between_boxes_are_those_of_shapely() -> None:

@@ -75,21 +75,19 @@ class ScoredCandidate:
     """A candidate with the results of its roll-outs.
 
     Attributes:
-        score: 0 to 1, `hit` times the weight of `avoidable`. hit: likelihood of hitting the ego as it drove. avoidable:
+        score: 0 to 1, the likelihood of hitting the ego as it drove, times the weight of `avoidable`. avoidable:
           likelihood that a careful driver avoids the contact. contact_s: time of the smallest distance since the
           window's beginning. braking_s: time from which a careful driver brakes, if braking avoids the contact. gap_m:
-          smallest distance to the ego as it drove.
+          smallest distance to the ego as it drove. reacts: whether it hits a driver that reacts.
     """
 
     candidate: Candidate
     score: float
-    hit: float
     avoidable: float
     contact_s: float
     braking_s: float | None
     gap_m: float
-    reacts: bool = True
-    """Whether the candidate hits a driver that reacts."""
+    reacts: bool
 
     def sentence(self, begins_s: float) -> str:
         """Return the outcome in words, with times of the run; `begins_s`: the window's beginning in the run."""
@@ -165,7 +163,7 @@ def scored(run: RecordedRun, candidates: Sequence[Candidate]) -> list[ScoredCand
     avoidable = _avoidable(careful)
     score = hit * (LEAST_SHARE + (1 - LEAST_SHARE) * avoidable)
     return [
-        _scored(candidates[k], float(score[k]), float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]),
+        _scored(candidates[k], float(score[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]),
              careful[k, 0])
         for k in range(len(candidates))
     ]  # fmt: skip
@@ -188,22 +186,23 @@ def _ahead_in_line(run: RecordedRun, candidates: Sequence[Candidate], blind: Rec
 
 
 def _scored(
-    candidate: Candidate, score: float, hit: float, avoidable: float, drives: Records, brakes: bool, early: Records
+    candidate: Candidate, score: float, avoidable: float, drives: Records, brakes: bool, early: Records
 ) -> ScoredCandidate:
     nearest = drives[int(np.argmin(drives["gap"]))]
     braking_s = float(early["brakes"]) if brakes and math.isfinite(early["brakes"]) else None
-    return ScoredCandidate(candidate, score, hit, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]),
+    return ScoredCandidate(candidate, score, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]),
                   bool(np.isfinite(drives[1:]["contact"]).any()))  # fmt: skip
 
 
 def search(
     run: RecordedRun, actors: Sequence[int], first: int, last: int, frame: int, rng: Generator,
-    settings: CarefulSettings | None = None,
+    settings: CarefulSettings,
 ) -> list[ScoredCandidate]:  # fmt: skip
     """Return the scored candidates of some actors in a window of a run, best first, without those of score 0."""
-    s = settings or CarefulSettings()
-    behaviours = Behaviours(run, first, last, frame, s, rng)
-    candidates = [c for actor in actors if _near(run, actor, first, last, s.reach_m) for c in behaviours.of(actor)]
+    behaviours = Behaviours(run, first, last, frame, settings, rng)
+    candidates = [
+        c for actor in actors if _near(run, actor, first, last, settings.reach_m) for c in behaviours.of(actor)
+    ]
     candidates = [c for c in candidates if c.kind is not Kind.SWERVES or not _ego_stands(run, c)]
     return sorted((s for s in scored(run, candidates) if s.score > 0), key=lambda s: -s.score)
 

@@ -58,9 +58,9 @@ class Situation:
         return {info.id: k for k, info in enumerate(self.trace.actors) if info.id in self.actors}
 
     @cached_property
-    def gaps(self) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    def gaps(self) -> dict[str, FloatArray]:
         """Return the distances between the footprints of the ego and the clip's actors over the whole run, m."""
-        return {actor: distances_to_ego(self.trace, k) for actor, k in self.columns.items()}
+        return dict(zip(self.columns, distances_to_ego(self.trace, list(self.columns.values())), strict=True))
 
     @cached_property
     def fitting_models(self) -> dict[str, tuple[str, ...]]:

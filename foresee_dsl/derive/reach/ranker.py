@@ -21,7 +21,7 @@ from foresee_dsl.derive.operators.situation import Numeric
 from foresee_dsl.derive.presets import Preset, preset
 from foresee_dsl.derive.reach.rolling import ReachSettings, Rolling, RollOut
 from foresee_dsl.forecast.foresee import ForeseeRanker
-from foresee_dsl.forecast.geometry import all_distances_to_ego
+from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.margin import MarginRanker
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import Mutations, RiskyPoint
@@ -242,9 +242,8 @@ def _operators(chosen: Preset) -> list[Numeric | ModelSwap]:
 def _gaps(trace: Trace) -> FloatArray:
     """Return the distances of all actors to the ego, [A, T] m; infinite for the ego itself and where actors are
     absent."""
-    actors = list(range(1, len(trace.actors)))
     own = np.full((1, trace.frames), np.inf)
-    return np.vstack([own, all_distances_to_ego(trace, actors, np.full(len(actors), np.inf))]) if actors else own
+    return np.vstack([own, distances_to_ego(trace, range(1, len(trace.actors)))])
 
 
 def _nearest(gaps: FloatArray, s: ReachSettings) -> list[int]:

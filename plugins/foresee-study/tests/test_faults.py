@@ -36,7 +36,7 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
-from foresee_dsl.forecast.registry import ranker_names
+from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.runner import run
 
@@ -238,7 +238,7 @@ def test_every_approach_is_a_campaign_that_this_version_can_run() -> None:
     assert all(name in APPROACHES for name in DEFAULT)
     for approach in APPROACHES.values():
         settings = replace(CampaignSettings(), **(approach.settings or {}))
-        assert settings.ranker in ranker_names() and settings.preset in PRESETS
+        assert settings.ranker in RANKERS.names() and settings.preset in PRESETS
 
 
 # ---- a search -------------------------------------------------------------------------------------------------------
