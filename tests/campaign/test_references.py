@@ -127,7 +127,7 @@ def test_a_minimised_child_is_asked_again(done: tuple[Path, Path, CampaignResult
         assert [run_test_case(case, run.driver, 0).verdict for run in child.references] == [
             run.verdict for run in child.references
         ]
-        assert findings[child.name].references == child.references
+        assert findings[child.name].run.references == child.references
         model = parse((out / child.file).read_text(), child.name).model
         assert isinstance(model, Mutant)
         assert model.origin is not None

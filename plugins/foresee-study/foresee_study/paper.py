@@ -35,6 +35,8 @@ STANDS_FOR: Mapping[str, str] = MappingProxyType(
 )
 """For each of our drivers, the driver of the paper with whose figures it is compared. Any other driver is compared with
 the paper's two together, or with InterFuser if the paper has no such figure."""
+_MODULAR = "frenetix"
+"""Our driver that is compared with Apollo, the paper's modular driver, which it has in rq5 only."""
 
 
 class Unit(StrEnum):
@@ -95,7 +97,7 @@ class PaperFigure:
     def of(self, driver: str) -> tuple[str, float]:
         """Return the driver of the paper that one of ours is compared with, and that driver's figure."""
         like = next(name for name in (driver, TOGETHER, "fusion_safe") if name in self.values)
-        return STANDS_FOR[like], self.values[like]
+        return STANDS_FOR.get(like, "Apollo"), self.values[like]
 
 
 def _drivers(results: Results, driver: str) -> tuple[str, ...]:
@@ -249,7 +251,20 @@ def _iterations(results: Results, driver: str) -> Iterator[tuple[Repetition, Ite
 
 def weather_collisions(results: Results, driver: str) -> Ours | None:
     """Return the share of clips that collide in heavy weather, %."""
-    campaigns = _campaigns(results, driver, "foresee", preset=HEAVY_WEATHER)
+    return _share_colliding(_campaigns(results, driver, "foresee", preset=HEAVY_WEATHER))
+
+
+def town_collisions(town: str) -> Callable[[Results, str], Ours | None]:
+    """Return a function that computes the share of foresee's mutants that collide in a town, %."""
+
+    def ours(results: Results, driver: str) -> Ours | None:
+        drivers = _drivers(results, driver)
+        return _share_colliding(tuple(m for name in drivers for m in results.of_campaign(name, "foresee", group=town)))
+
+    return ours
+
+
+def _share_colliding(campaigns: tuple[MeasuredCampaign, ...]) -> Ours | None:
     children = counts_of(campaigns, lambda case: float(len(list(case.children))))
     return _scaled(_ratio(counts_of(campaigns, _collisions), children), 100)
 
@@ -298,6 +313,15 @@ FIGURES = (
                 _both(93.94, 45.95), of_drivefuzz),
     PaperFigure("rq4", "the same, if the paper's 31 and 17 are failing children", Unit.SHARE, "4.5, RQ4, table 5",
                 _both(93.94, 45.95), children_of_drivefuzz),
+    *(
+        PaperFigure("rq5", f"mutants that collide in {town}", Unit.SHARE, "4.5, RQ5, table 6", values,
+                    town_collisions(town))
+        for town, values in {
+            "town01": {**_both(100 * 32 / 238, 100 * 16 / 205), _MODULAR: 100 * 16 / 80},
+            "town02": _both(100 * 47 / 160, 100 * 1 / 143),
+            "town03": {**_both(100 * 27 / 512, 100 * 30 / 324), _MODULAR: 100 * 9 / 64},
+        }.items()
+    ),
     PaperFigure("rq5", "clips that collide in heavy weather", Unit.SHARE, "4.5, RQ5, table 6",
                 _both(100 * 36 / 539, 100 * 10 / 237, 100 * 46 / 776), weather_collisions),
 )  # fmt: skip
