@@ -17,14 +17,13 @@ from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import AnyStep
 from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.forecast import ForecastStep
 from foresee_dsl.campaign.steps.inputs import load_case
 from foresee_dsl.campaign.steps.mutants import MutantsStep
-from foresee_dsl.campaign.steps.step import StepResult, Work
+from foresee_dsl.campaign.steps.step import AnyStep, StepResult, Work
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -131,7 +130,7 @@ def _draft(step: ForecastStep, work: Work, rank: int) -> records.Draft:
     name, case = f"{step.name}_p{rank}", step.name.rpartition("_")[2]
     parent = relative_path(work.folder.parents[2] / "made_up.foresee", work.folder)
     text = _TEXT.format(kind="clip", name=name, parent=parent, case=f" case {case}")
-    return records.Draft(rank, text, name, parent, case, f"sha256:{step.key[:11]}{rank}", "")
+    return records.Draft(rank, text, name, f"sha256:{step.key[:11]}{rank}", "")
 
 
 def _mutant(clip: str, again: str, number: int) -> records.MutantDraft:

@@ -22,6 +22,7 @@ from foresee_dsl.drivers.protocol import (
     Mission,
     Observation,
     SeenActor,
+    Trajectory,
 )
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.drivers.tracking import Tracker
@@ -86,7 +87,7 @@ class _Timed:
         self._yardsticks: list[float] = []
         self.reset = driver.reset
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, observation: Observation) -> Control | Trajectory:
         begin = time.thread_time()  # CPU time of this thread, because a decision is long enough to be interrupted
         answer = self._driver.step(observation)
         self._spent.append(time.thread_time() - begin)
@@ -133,7 +134,14 @@ def _left_turn() -> tuple[Mission, list[Observation]]:
     rng = np.random.default_rng(1)
     actors = tuple(
         SeenActor(
-            k, ("pedestrian", "car")[k % 4 > 0], *rng.uniform((20, -30), (170, 40)), 1.57 * (k % 3), 5.0, 4.5, 1.8
+            k,
+            ("pedestrian", "car")[k % 4 > 0],
+            rng.uniform(20, 170),
+            rng.uniform(-30, 40),
+            1.57 * (k % 3),
+            5.0,
+            4.5,
+            1.8,
         )
         for k in range(_ACTORS)
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import libsumo
@@ -122,8 +123,8 @@ def library_ratio(clips: Iterable[SumoBundle]) -> tuple[int, float]:
             steps = run(child, PdmDriver(), seed=0).steps  # a worker's first run is slower
             state = _state_of(child, Path(folder))
             works = {
-                "ours": lambda child=child: cpu_of(lambda: run(child, PdmDriver(), seed=0)),
-                "bare": lambda state=state, steps=steps: cpu_of(lambda: _bare(state, steps, reads=True)),
+                "ours": partial(cpu_of, partial(run, child, PdmDriver(), seed=0)),
+                "bare": partial(cpu_of, partial(_bare, state, steps, reads=True)),
             }
             taken = costs(works, LIBRARY_ROUNDS)
         ours.append(min(taken["ours"][0]))
