@@ -74,7 +74,7 @@ def write_report(
     """
     results = Results.of(folder, half, beside)
     if not any(measured.cases for measured in results.campaigns):
-        where = "" if results.half is Half.ALL else f"  of the {results.half} half: choose another --half"
+        where = "" if results.half is Half.ALL else f" of the {results.half} half: choose another --half"
         raise ForeseeError(f"the study in {folder.at} has run no test case{where}")
     # if no question was answered completely, the report has all results so far
     questions = folder.read().asked or TABLES
