@@ -167,9 +167,9 @@ def meant_word(word: str, wrong: str = "") -> Help:
     return Help(f"did you mean '{word}'?", (Meant(word, wrong),))
 
 
-def meant_code(code: str, wrong: str = "") -> Help:
-    """Return ``did you mean `CODE`?``, which replaces the marked text or the part `wrong` of it."""
-    return Help(f"did you mean `{code}`?", (Meant(code, wrong, spaced=True),))
+def meant_code(code: str) -> Help:
+    """Return ``did you mean `CODE`?``, which replaces the marked text."""
+    return Help(f"did you mean `{code}`?", (Meant(code, spaced=True),))
 
 
 def instead(text: str, wrong: str) -> Help:

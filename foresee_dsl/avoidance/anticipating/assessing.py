@@ -111,7 +111,7 @@ class Anticipation:
 
     @property
     def avoids(self) -> bool:
-        """Return whether the driver avoids the failure; see `Judgement` for this property and the next ones."""
+        """Return whether the driver avoids the failure; see `Judgement` for this property and the next."""
         return self.answer.preventable
 
     @property

@@ -36,7 +36,8 @@ STANDS_FOR: Mapping[str, str] = MappingProxyType(
 """For each of our drivers, the driver of the paper with whose figures it is compared. Any other driver is compared with
 the paper's two together, or with InterFuser if the paper has no such figure."""
 _MODULAR = "frenetix"
-"""Our driver that is compared with Apollo, the paper's modular driver, which it has in rq5 only."""
+_NAMES: Mapping[str, str] = MappingProxyType({**STANDS_FOR, _MODULAR: "Apollo"})
+"""The same with the paper's modular driver, Apollo, which the paper runs in two towns of rq5 only."""
 
 
 class Unit(StrEnum):
@@ -97,7 +98,7 @@ class PaperFigure:
     def of(self, driver: str) -> tuple[str, float]:
         """Return the driver of the paper that one of ours is compared with, and that driver's figure."""
         like = next(name for name in (driver, TOGETHER, "fusion_safe") if name in self.values)
-        return STANDS_FOR.get(like, "Apollo"), self.values[like]
+        return _NAMES[like], self.values[like]
 
 
 def _drivers(results: Results, driver: str) -> tuple[str, ...]:
@@ -325,8 +326,9 @@ FIGURES = (
     PaperFigure("rq5", "clips that collide in heavy weather", Unit.SHARE, "4.5, RQ5, table 6",
                 _both(100 * 36 / 539, 100 * 10 / 237, 100 * 46 / 776), weather_collisions),
 )  # fmt: skip
-"""The paper's headline figures. The paper's areas are in collisions times seconds of the paper's own clock, so only
-ratios can be compared."""
+"""The paper's headline figures. In towns: the table's sums of failures, divided by its test cases; for Apollo in Town03
+without the five runs that got stuck, which are not collisions. The paper's areas are in collisions times seconds of the
+paper's own clock, so only ratios can be compared."""
 A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
     ("fusion_safe", "foresee"): 93.66 / 1116, ("fusion_safe", "random"): 32.67 / 1116,
     ("fusion_safe", "selforacle"): 65.00 / 1116, ("fusion", "foresee"): 28.33 / 695, ("fusion", "random"): 20.67 / 695,

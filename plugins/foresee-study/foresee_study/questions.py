@@ -50,13 +50,13 @@ def campaigns(
                                 children=settings.children, against=settings.against)  # fmt: skip
 
 
-def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[StudyCampaign]:
+def exhaustive(settings: StudySettings) -> Iterator[StudyCampaign]:
     """Yield the searches of every second of the test cases.
 
     The failures of these searches are many and similar, and driving them with reference drivers takes most of the time.
     Therefore only reference drivers that the study names drive them.
     """
-    searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
+    searches = campaigns(settings, (EXHAUSTIVE,), CLIPS_S, drivers=settings.searched,
                          repetitions=settings.exhaustive_repetitions)  # fmt: skip
     return (replace(wanted, risky_points=EVERY_POINT, against=settings.against or ()) for wanted in searches)
 
