@@ -9,8 +9,18 @@ import typer
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs
-from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
-from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, SeedOption, console, json_document
+from foresee_dsl.cli.options.common import (
+    FAILED,
+    AllowOutsideOption,
+    FailFastOption,
+    FirstOption,
+    JsonOption,
+    OnlyOption,
+    SeedOption,
+    console,
+    json_document,
+    selected,
+)
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.report.formats import CommandReport
