@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from foresee_learned.rasters import GROUP_OF
-from foresee_learned.rasters import ground as ground_maps
-from foresee_learned.rasters.ground import GroundMap
+from foresee_learned.rasters.ground import GroundMap, remember
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour, VehicleLimits
@@ -87,7 +86,7 @@ class RecordedNetwork:
 
     def __init__(self, key: str, ground: GroundMap, buildings: tuple[tuple[tuple[float, float], ...], ...]) -> None:
         self.key, self.ground, self.buildings = key, ground, buildings
-        ground_maps._drawn_maps[self] = ground  # type: ignore[index]
+        remember(self, ground)
 
 
 @dataclass(frozen=True)
