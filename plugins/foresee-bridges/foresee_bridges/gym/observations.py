@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import ActorClass, Control, Mission, Observation, SeenActor, VehicleLimits
+from foresee_dsl.language.model_classes import CLASSES
 
 RANGE_M = 80.0
 """Distance that is 1 in the vector, m: the range of the ideal sensors."""
@@ -28,7 +29,7 @@ ROUTE_STEP_M = 5.0
 """Distance between two points of the route, m. Ours: a right turn of 8 m radius has three."""
 AHEAD_M = 20.0
 """Distance ahead within which the ego's place on the route is searched, m. Ours: at 200 km/h a step takes 3 m."""
-KINDS: tuple[ActorClass, ...] = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle")
+KINDS: tuple[ActorClass, ...] = CLASSES
 COLOURS = ("red", "amber", "green")
 _EGO, _PER_ACTOR = 8 + len(COLOURS), 8 + len(KINDS)
 
