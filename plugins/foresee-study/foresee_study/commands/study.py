@@ -243,7 +243,7 @@ def study(
         raise typer.Exit(FAILED)
     if lacking:
         screen.print(lacking, markup=False, soft_wrap=True)
-    elif shard:
+    elif options.shard.number:
         screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
     else:
         _report(folder, chosen, page, beside, form=form, names=names)
