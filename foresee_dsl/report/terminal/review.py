@@ -60,13 +60,15 @@ def _review_lines(review: Review) -> Iterator[str]:
         yield from _difference(small)
         yield from _boundary(small)
         yield from _others(review.others)
-    ahead = finding.get("anticipation")
-    if answer or ahead:
+    ahead, opinions = finding.get("anticipation"), finding.get("opinions", ())
+    if answer or ahead or opinions:
         yield from ("", "Would a careful driver have avoided it?")
     if answer:
         yield from wrapped(f"{R157}: {answer}: {finding['why']}", "  ")
     if ahead:
         yield from wrapped(f"{ANTICIPATING}: {ahead}: {finding['anticipation_why']}", "  ")
+    for opinion in opinions:
+        yield from wrapped(f"{opinion['name']}: {opinion['answer']}: {opinion['why']}", "  ")
     if finding.get("references"):
         yield from ("", "Do other drivers avoid it?")
         for run in finding["references"]:
