@@ -91,7 +91,7 @@ German law (StVO 26) requires vehicles to approach such a crossing at moderate s
 """
 NEAR_VEHICLE_M = 5.0
 """Walkers who are nearer than this to a stopped vehicle belong to it, m. Ours: a car's length."""
-SLOWEST_MPS = 30 / 3.6
+SLOWED_TO_MPS = 30 / 3.6
 """Lowest speed to which the driver slows for hazards, m/s. Ours, after the zones of 30 km/h in which such streets
 lie."""
 SLOWEST_AT_BUS_MPS = 20 / 3.6

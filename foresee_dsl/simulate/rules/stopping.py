@@ -13,7 +13,7 @@ COMFORT_MPS2 = 3.4
 """Deceleration that most drivers find comfortable, m/s^2: AASHTO, A Policy on Geometric Design of Highways and Streets
 (2018), section 3.2.2, the deceleration of its stopping sight distance. An actor that has to brake harder is made to
 brake abruptly (the words of VCRT article 1(aa))."""
-REACTION_S = 0.75
+BRAKING_DELAY_S = 0.75
 """Time before braking begins, s: UN Regulation 157, annex 4, appendix 3, the delay of the careful driver."""
 STOPS_WITHIN_M = 4.0
 """Distance before the stop line within which an actor has to stop, m: `PROXIMITY_THRESHOLD` of `RunningStopTest`, the
@@ -29,7 +29,7 @@ ALL_WAY_STOP = "allway_stop"
 
 def can_stop(room_m: float, speed_mps: float) -> bool:
     """Return whether an actor that reacts now can stop comfortably before a line."""
-    return room_m >= speed_mps * REACTION_S + speed_mps * speed_mps / (2 * COMFORT_MPS2)
+    return room_m >= speed_mps * BRAKING_DELAY_S + speed_mps * speed_mps / (2 * COMFORT_MPS2)
 
 
 @dataclass(slots=True)

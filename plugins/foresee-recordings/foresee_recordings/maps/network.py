@@ -20,7 +20,7 @@ from foresee_dsl.compile.templates import environment
 from foresee_dsl.errors import CompileError
 from foresee_recordings.maps.conflicts import add_conflicts
 from foresee_recordings.maps.dividing import divide
-from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
+from foresee_recordings.maps.junctions import LaneLink, Layout, Road, layout_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
 from foresee_recordings.maps.net_geometry import set_lines, simplified
 from foresee_recordings.maps.signals import SignalCycle, set_programs
@@ -230,7 +230,7 @@ def _closed(lane: Lane) -> bool:
     return lane.type == "shoulder" or (lane.type == "road" and lane.width_m < NARROWEST_M)
 
 
-def _connection(way: Way, frame: _Frame) -> _PlainConnection:
+def _connection(way: LaneLink, frame: _Frame) -> _PlainConnection:
     shape = None if way.shape is None or len(way.shape) < 2 else frame.points(way.shape)
     return _PlainConnection(way.start, way.end, way.speed_mps if shape else None, shape)
 
