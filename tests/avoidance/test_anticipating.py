@@ -11,7 +11,6 @@ from foresee_dsl.avoidance.anticipating import Answer, AnticipatingDriver, Antic
 from foresee_dsl.avoidance.anticipating.assessing import _Assessment, _ConfirmingRun
 from foresee_dsl.avoidance.anticipating.manoeuvre import ManoeuvrePlan, sidestep_s
 from foresee_dsl.avoidance.anticipating.settings import (
-    COMFORTABLE_MPS2,
     LATERAL_JERK_MPS3,
     LATERAL_MPS2,
     MOST_RUNS,
@@ -21,6 +20,7 @@ from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL

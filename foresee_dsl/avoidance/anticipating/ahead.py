@@ -26,7 +26,6 @@ from foresee_dsl.avoidance.anticipating.settings import (
     AT_CROSSING_M,
     BESIDE_M,
     CLOSE_M,
-    COMFORTABLE_MPS2,
     EASES_MPS2,
     EXPECTED_REACTION_S,
     HARDEST_MPS2,
@@ -45,7 +44,7 @@ from foresee_dsl.avoidance.r157.risk import EVALUATION_S, MOVED_M, REACTION_S, O
 from foresee_dsl.avoidance.replay import JERK_MPS3, Replay
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, SeenActor, VehicleLimits
-from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle
 from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE, SensorSettings
 from foresee_dsl.simulate.trace import STEP_S, Trace

@@ -16,7 +16,6 @@ import numpy as np
 
 from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.settings import (
-    COMFORTABLE_MPS2,
     CROSSES_RAD,
     FORESEES_S,
     FORGETS_S,
@@ -40,6 +39,7 @@ from foresee_dsl.avoidance.r157.risk import (
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.simulate.sensing.sight import Sight, in_view
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 

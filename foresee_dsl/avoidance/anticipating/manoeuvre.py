@@ -15,7 +15,6 @@ import numpy as np
 from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.settings import (
     BUILDS_UP_S,
-    COMFORTABLE_MPS2,
     EASES_MPS2,
     FIRM_MPS2,
     LATERAL_JERK_MPS3,
@@ -31,7 +30,7 @@ from foresee_dsl.compile.bundle import Scene, SumoBundle
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import gaps_to_first
-from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
 from foresee_dsl.simulate.results.outcome import off_road_points, squares_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y

@@ -8,10 +8,6 @@ from __future__ import annotations
 
 import math
 
-COMFORTABLE_MPS2 = 3.4
-"""Comfortable braking of most drivers, also on wet roads, m/s^2: AASHTO, A Policy on Geometric Design of Highways and
-Streets, stopping sight distance. It is tried first; other drivers who must wait are also expected to brake with it.
-"""
 FIRM_MPS2 = 5.0
 """Firm braking, which is tried second, m/s^2: R157 calls harder braking an emergency manoeuvre."""
 BUILDS_UP_S = 0.6

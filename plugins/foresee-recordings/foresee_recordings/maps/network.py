@@ -15,6 +15,7 @@ import numpy as np
 from foresee_dsl.compile.foreign.geometry_faults import NARROWEST_M
 from foresee_dsl.compile.foreign.networks import write_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert
+from foresee_dsl.compile.nets.plain_edges import SPEED_MPS
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import environment
 from foresee_dsl.errors import CompileError
@@ -26,8 +27,6 @@ from foresee_recordings.maps.net_geometry import set_lines, simplified
 from foresee_recordings.maps.signals import SignalCycle, set_programs
 from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError, Track
 
-SPEED_MPS = 50 / 3.6
-"""Speed limit of lanes without one, m/s: the usual urban limit (Vienna Convention countries)."""
 _MOTOR = ("car", "van", "truck", "bus", "motorcycle")
 _FAST_PERCENT = 95.0
 """Share of samples below the speed that a road without a limit allows, percent. Ours: single errors do not count."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from foresee_dsl.compile.nets.plain_edges import SPEED_MPS
 from foresee_dsl.files import read_outside_text
 from foresee_recordings.maps.lanelet2 import read_lanelet2
-from foresee_recordings.maps.network import SPEED_MPS, network_of
+from foresee_recordings.maps.network import network_of
 from foresee_recordings.recording import RecordedMap, RecordingError
 
 _AS_THEY_ARE = (".net.xml", ".xodr", ".foresee")
