@@ -14,6 +14,7 @@ from foresee_dsl.drivers.protocol import Control, Driver, Observation
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.language.printer import quotable
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
@@ -135,7 +136,7 @@ class Judging:
         """
         scene = waits_for(self._simulation, self._recorder)
         own = getattr(self._driver, "waits_for", "")
-        own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
+        own = quotable(own, _LONGEST_WORDS) if isinstance(own, str) else ""
         return f"{scene} (the driver: {own})" if own else scene
 
 
