@@ -48,7 +48,7 @@ PREVIEW_S = 0.5
 """The driver takes its desired speed from the place that it reaches after this time, s. Ours: drivetrain and brakes
 respond 0.2 s late.
 """
-SLOWEST_MPS = 0.5
+LEAST_DESIRED_MPS = 0.5
 """Lowest desired speed, m/s. Ours: it avoids a division by zero."""
 
 CORRIDOR_MARGIN_M = 0.3
@@ -148,7 +148,7 @@ def _acceleration(situation: RoadSituation) -> float:
     if speed > cfg.SENSED_STANDS_MPS and time_to_collision(others, speed) < EMERGENCY_TTC_S:
         return -ego.strongest
     allowed = float(route.between("profile", ego.s + PREVIEW_S * speed))
-    desired = max(allowed, SLOWEST_MPS)
+    desired = max(allowed, LEAST_DESIRED_MPS)
     # Brake for bends in time: the free term of the IDM has only one desired speed, and would begin to brake in the
     # bend.
     wish = min(free_acceleration(speed, desired), (allowed - speed) / PREVIEW_S)

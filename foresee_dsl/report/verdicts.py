@@ -9,17 +9,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rich.text import Text
 
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, UnfiredTrigger, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
 """Maximum length of a text that must not be cut in practice, characters: a path, or a line that a driver printed."""
-
-
-def counted(number: int, noun: str, many: str = "") -> str:
-    """Return `1 file` or `3 files`."""
-    return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
 def ending(run: RunRecord) -> Text:

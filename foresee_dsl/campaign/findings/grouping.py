@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
+from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.documents import or_null, where_set
 from foresee_dsl.language.model import Mutant, Quantity
@@ -245,12 +246,6 @@ def _failures(seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]) -> 
         for child in clip.failing:
             if child.story is not None:
                 yield Finding(child.name, child.story, child, clip.seed, clip.family, child.file, clip.file)
-
-
-def case_file_name(address: str, scenario: str) -> str:
-    """Return the beginning of the names of a test case's files: `red_light_runner_r02`."""
-    case = address.partition("::")[2]
-    return f"{scenario}_{case}" if case else scenario
 
 
 def _simplicity(run: Failure) -> tuple[int, bool, float]:

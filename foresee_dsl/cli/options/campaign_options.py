@@ -19,6 +19,7 @@ from typer.models import OptionInfo
 from foresee_dsl.campaign.settings import OPTION, CampaignLimits, CampaignSettings, SettingOption
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
+from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -357,7 +358,7 @@ def shard_of(text: str) -> Shard:
 
 def of_other_versions(store: Path, count: int) -> str:
     """Return the message about results that other versions of this tool computed."""
-    results = f"{common.counted(count, 'result')} in {store} {'is' if count == 1 else 'are'}"
+    results = f"{counted(count, 'result')} in {store} {'is' if count == 1 else 'are'}"
     return (
         f"{results} of another version of foresee-dsl and may differ: not used "
         f"(foresee store gc {store} --older deletes them)"
@@ -378,10 +379,10 @@ def _damage_in(store: Store) -> str:
     if store.damaged:
         names = sorted(set(store.damaged.values()))
         listed = ", ".join(safe(name, 80) for name in names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
-        sentences.append(f"{common.counted(len(store.damaged), 'result')} had been changed on the disk: {listed}")
+        sentences.append(f"{counted(len(store.damaged), 'result')} had been changed on the disk: {listed}")
     if store.rescued is not None:
-        lost = f", at least {common.counted(store.lost, 'result')} could not" if store.lost else ""
-        sentences.append(f"{common.counted(store.rescued, 'result')} could be read from its database{lost}; the old "
+        lost = f", at least {counted(store.lost, 'result')} could not" if store.lost else ""
+        sentences.append(f"{counted(store.rescued, 'result')} could be read from its database{lost}; the old "
                     "database is kept as runs.damaged-*.sqlite")  # fmt: skip
     return (
         f"The store {store.folder} was damaged. {'; '.join(sentences)}. The campaign ran the missing results again."

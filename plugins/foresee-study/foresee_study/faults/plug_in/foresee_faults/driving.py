@@ -10,8 +10,9 @@ import numpy as np
 
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, Mission, Observation, VehicleLimits
+from foresee_dsl.kernels.constants import STEP_S
 from foresee_dsl.kernels.pdm.route import GRID_M
-from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, DriverState, Fault
+from foresee_faults.fault import WET_FRICTION, Actors, DriverState, Fault
 
 
 class WeakBrakesWet(Fault):

@@ -26,7 +26,6 @@ from foresee_dsl.drivers.tracking import Tracker, Tracks
 Actors = tuple[SeenActor, ...]
 Signals = dict[str, SignalColour]
 
-STEP_S = 0.05
 BEFORE_JUNCTION_M = 40.0
 """Distance before the stop line from which a fault of right of way acts, m. Ours: the comfortable stopping distance
 from 50 km/h."""

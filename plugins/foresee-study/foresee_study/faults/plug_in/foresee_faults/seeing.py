@@ -9,8 +9,9 @@ from typing import Any, ClassVar, TypeVar
 
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Mission, Observation, VehicleLimits
+from foresee_dsl.kernels.constants import STEP_S
 from foresee_dsl.language.model_classes import CLASSES
-from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, relative
+from foresee_faults.fault import Actors, Fault, Signals, away, moved, relative
 
 T = TypeVar("T")
 
