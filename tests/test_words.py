@@ -38,6 +38,8 @@ PHRASES = {
 }
 """Phrases, as regular expressions, and what to write instead."""
 
+ANY = re.compile("|".join(pattern for pattern, _ in PHRASES.values()), re.MULTILINE)
+
 IN_FILES = {
     ("foresee_dsl/campaign/findings/review.py", "asked"),
     ("foresee_dsl/campaign/storage/maintenance.py", "known"),
@@ -71,9 +73,11 @@ def texts(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.lineno, node.value
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], token.string.removeprefix("#").strip()
+    # What stands behind a `#` may be a comment; only where one has a phrase are all tokens read, which takes long.
+    if any(ANY.search(rest[1].strip()) for rest in re.finditer(r"#(?=(.*))", source)):
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT:
+                yield token.start[0], token.string.removeprefix("#").strip()
 
 
 def allowed(hit: tuple[str, str, str]) -> bool:
@@ -89,11 +93,15 @@ def every_place() -> Iterator[tuple[str, str, str]]:
         tree = ast.parse(source)
         yield from ((f"{where}:{line}", name, name) for line, name in names(tree) if name in NAMES)
         for line, text in texts(source, tree):
+            if not ANY.search(text):
+                continue
             for kind, (pattern, _) in PHRASES.items():
                 yield from ((f"{where}:{line}", kind, hit.group()) for hit in re.finditer(pattern, text))
     for path in PROSE:
         where = path.relative_to(ROOT).as_posix()
         for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            if not ANY.search(text):
+                continue
             for kind, (pattern, _) in PHRASES.items():
                 yield from ((f"{where}:{number}", kind, hit.group()) for hit in re.finditer(pattern, text))
 
