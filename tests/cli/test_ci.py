@@ -17,7 +17,7 @@ import pytest
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, ReportPlace
 from foresee_dsl.report.builds.junit import to_junit
 from tests.support.command import quick_path
-from tests.support.first_project import FOUND, checked, foresee, sarif_schema
+from tests.support.first_project import FOUND, checked, copy_first_runs, foresee, sarif_schema
 
 etree = pytest.importorskip("lxml.etree", reason="lxml checks JUnit XML against a schema")
 yaml = pytest.importorskip("yaml", reason="PyYAML reads the files of build servers")
@@ -36,6 +36,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     try:
         foresee("fmt", "--check", ".")
         foresee("check", "--strict", ".")
+        copy_first_runs(folder)
         options = ("--children", "1", "--jobs", "2", "--quiet", "--format", "github", "--junit", "campaign.xml")
         found = foresee("campaign", "campaign.foresee", *options, expect=1)
         Path("annotations.txt").write_text(found.stdout)
