@@ -20,7 +20,16 @@ from pathlib import Path
 from tests.support import quick_client
 from tests.support.quick_start import FORESEE
 
-__all__ = ["FORESEE", "SERVER", "foresee", "fork_interpreters", "program", "quick_path", "start_server"]
+__all__ = [
+    "FORESEE",
+    "SERVER",
+    "foresee",
+    "fork_interpreters",
+    "program",
+    "pytest_program",
+    "quick_path",
+    "start_server",
+]
 
 ROOT = Path(__file__).parents[2]
 SERVER = "FORESEE_TESTS_SERVER"
@@ -78,6 +87,11 @@ def program() -> Path:
     Signals reach only the program that waits for the fork: tests that send some start the real one, `FORESEE`.
     """
     return Path(_address()).with_name("bin") / "foresee"
+
+
+def pytest_program() -> Path:
+    """Return a `pytest` that is forked from the server, in whose process the plug-in and the tool are imported."""
+    return Path(_address()).with_name("pytest")
 
 
 def fork_interpreters() -> None:

@@ -22,6 +22,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
 
+import pytest
+
 from tests.support.quick_client import HEAD
 
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -138,6 +140,10 @@ def _run(request: dict[str, Any], files: list[int]) -> int:
         if request.get("code"):
             sys.argv = ["-c", *request["words"]]
             exec(request["code"], {"__name__": "__main__"})
+        elif request.get("kind") == "pytest":
+            sys.argv = ["pytest", *request["words"]]
+            sys.path.insert(0, str(Path.cwd()))  # as `python -m pytest` does
+            code = pytest.console_main()
         else:
             _command(request)
     except SystemExit as ended:
