@@ -32,6 +32,14 @@ MUTANTS = 10
 _BEYOND_S = 1.5
 """Target (docs/background/performance.md), s: half a second more than before the use of numba's own cache."""
 _FORESEE = "from foresee_dsl.cli import main; main()"
+_LIBRARIES = """\
+import lark, libsumo, networkx, pydantic, rich, shapely, typer
+from numba.core.registry import cpu_target
+cpu_target.typing_context.refresh()
+cpu_target.target_context.refresh()
+"""
+"""What a run needs of other people's code before it can begin: imports, and what numba prepares for its first function,
+even if the machine code is stored."""
 _DRIVER = "pdm"
 
 
@@ -74,6 +82,7 @@ def _run(clip: Path) -> Iterator[Figure]:
     cost = costs(
         {
             "numpy": lambda: _cpu_of_all([sys.executable, "-c", "import numpy"]),
+            "libraries": lambda: _cpu_of_all([sys.executable, "-c", _LIBRARIES]),
             "command": lambda: _cpu_of_all([sys.executable, "-c", _FORESEE, "run", str(clip), "--exit-zero"]),
             "warm": lambda: cpu_of(lambda: run_test_case(case, _DRIVER, 0)),
         },
@@ -84,6 +93,9 @@ def _run(clip: Path) -> Iterator[Figure]:
     means = "CPU of `foresee run` of a clip of 10 s, less that of the same run in a process that has run others"
     yield Figure("run_beyond_simulation_s", beyond_s, "s", means, _BEYOND_S)
     yield Figure("run_beyond_over_numpy", beyond_s / least["numpy"], "ratio", "the same over `import numpy`")
+    of_others = "the same over what the libraries take that a run needs"
+    yield Figure("run_beyond_over_libraries", beyond_s / least["libraries"], "ratio", of_others)
+    yield Figure("libraries_s", least["libraries"], "s", "CPU of importing the libraries that a run needs")
 
 
 def _verify(mutants: Sequence[Path]) -> Iterator[Figure]:

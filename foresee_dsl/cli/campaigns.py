@@ -21,12 +21,13 @@ from foresee_dsl.cli.options.campaign_options import (
     shard_of,
     with_flags,
 )
-from foresee_dsl.cli.options.case_selection import FailFastOption, selected
 from foresee_dsl.cli.options.common import (
     FAILED,
+    FailFastOption,
     JsonOption,
     console,
     json_document,
+    selected,
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_option, report_results
 from foresee_dsl.cli.options.stop_signal import StopSignal

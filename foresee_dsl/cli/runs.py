@@ -10,8 +10,7 @@ import typer
 
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
-from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
-from foresee_dsl.cli.options.common import profiling
+from foresee_dsl.cli.options.common import FailFastOption, FirstOption, OnlyOption, profiling, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.measuring import Part

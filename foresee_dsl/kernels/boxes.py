@@ -289,4 +289,5 @@ def box_overlap(a: FloatArray, b: FloatArray) -> BoolArray:
 
 
 def _rows(boxes: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(boxes, dtype=np.float64).reshape(-1, 5)
+    # A copy: numba warns when it is given an array that numpy has broadcast, even if it has the right layout.
+    return np.array(boxes, dtype=np.float64, order="C").reshape(-1, 5)

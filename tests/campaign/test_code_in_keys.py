@@ -30,7 +30,7 @@ EDITS = {
     "simulate/runner.py": ALL,
     "kernels/__init__.py": ALL | {"pdm", "idm", "foresee", "random"},
     "drivers/protocol.py": ALL | {"pdm", "idm", "foresee", "random"},
-    "drivers/idm/__init__.py": {"idm"},
+    "drivers/idm.py": {"idm"},
     "forecast/foresee.py": {"mutants", "foresee", "random"},
     "forecast/geometry.py": {"forecast", "mutants", "foresee", "random"},
     "forecast/settings.py": {"forecast", "mutants", "minimise", "minimised_reference", "foresee", "random"},

@@ -10,10 +10,22 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.conformance import checks
 from foresee_dsl.campaign.conformance.records import Check, CheckStatus, Conformance, ConformanceCase
 from foresee_dsl.campaign.conformance.runs import ExaminedDriver
-from foresee_dsl.campaign.conformance.suite import conform, conformance_cases
+from foresee_dsl.campaign.conformance.suite import (
+    check_answers,
+    check_handover,
+    check_parts,
+    check_place,
+    check_repetition,
+    check_reset,
+    check_speed,
+    check_steering,
+    check_times,
+    conform,
+    conformance_cases,
+    step_times,
+)
 from foresee_dsl.cli import app
 from foresee_dsl.drivers.consent import allowing
 from foresee_dsl.drivers.deadlines import DEADLINES
@@ -127,59 +139,59 @@ def test_there_are_ten_cases_with_a_sentence_each() -> None:
 
 
 def test_answers_outside_their_range_fail(folder: Path) -> None:
-    failed(checks.check_answers([drive(folder, "Degrees").case(case("two_bends"))]), "steer", "outside -1 to 1")
-    failed(checks.check_answers([drive(folder, "NotANumber").case(case("straight_road"))]), "nan")
+    failed(check_answers([drive(folder, "Degrees").case(case("two_bends"))]), "steer", "outside -1 to 1")
+    failed(check_answers([drive(folder, "NotANumber").case(case("straight_road"))]), "nan")
 
 
 def test_steering_to_the_wrong_side_fails(folder: Path) -> None:
     run = drive(folder, "Mirrored").case(case("two_bends"))
     assert not run.passed
-    failed(checks.check_steering(run), "only to the side of the route in 0 of")
+    failed(check_steering(run), "only to the side of the route in 0 of")
 
 
 def test_units_of_speed_are_checked(folder: Path) -> None:
-    failed(checks.check_speed(drive(folder, "KmPerHour").case(case("straight_road"))), "times the speed limit")
-    failed(checks.check_speed(drive(folder, "Exchanged").case(case("straight_road"))), "the ego moved 0.")
+    failed(check_speed(drive(folder, "KmPerHour").case(case("straight_road"))), "times the speed limit")
+    failed(check_speed(drive(folder, "Exchanged").case(case("straight_road"))), "the ego moved 0.")
 
 
 def test_a_driver_beside_the_lane_fails(folder: Path) -> None:
-    failed(checks.check_place(drive(folder, "Aside").case(case("straight_road"))), "left of the lane's middle")
+    failed(check_place(drive(folder, "Aside").case(case("straight_road"))), "left of the lane's middle")
 
 
 def test_a_driver_that_is_not_deterministic_fails(folder: Path) -> None:
     faulty = drive(folder, "Random")
     runs = faulty.in_one_process((case("straight_road"), case("red_light")))
-    failed(checks.check_repetition(runs, faulty.case(case("straight_road"))), "in the same process differs")
+    failed(check_repetition(runs, faulty.case(case("straight_road"))), "in the same process differs")
 
 
 def test_a_driver_that_counts_its_runs_in_the_process_fails(folder: Path) -> None:
     faulty = drive(folder, "Counting")
     runs = faulty.in_one_process((case("straight_road"), case("red_light")))
-    failed(checks.check_reset(runs), "a run after a run of another test case differs")
+    failed(check_reset(runs), "a run after a run of another test case differs")
 
 
 def test_a_driver_object_that_forgets_nothing_at_reset_fails(folder: Path) -> None:
     runs = drive(folder, "Remembering").in_one_process((case("straight_road"), case("red_light")))
     assert runs.first.digest == runs.second.digest == runs.after.digest
-    failed(checks.check_reset(runs), "a driver object that is reset for a second run")
+    failed(check_reset(runs), "a driver object that is reset for a second run")
 
 
 def test_a_driver_that_depends_on_its_memory_drives_a_clip_differently(folder: Path) -> None:
-    failed(checks.check_handover(drive(folder, "Tired").handover(case("zebra_crossing"))), "deviates by at most")
+    failed(check_handover(drive(folder, "Tired").handover(case("zebra_crossing"))), "deviates by at most")
 
 
 def test_slow_steps_fail_near_their_deadline(folder: Path) -> None:
     run = drive(folder, "Slow").case(case("zebra_crossing"))
-    times = checks.step_times([run])
+    times = step_times([run])
     assert times is not None and times.mean_ms > 20
-    failed(checks.check_times(times, 0.03), "mean")
-    assert checks.check_times(times, 10.0).status is CheckStatus.PASS
+    failed(check_times(times, 0.03), "mean")
+    assert check_times(times, 10.0).status is CheckStatus.PASS
 
 
 def test_a_part_that_cannot_be_replaced_fails(folder: Path) -> None:
     faulty = drive(folder, "Parts")
     address = with_ideal(faulty.driver, ["tracking"])
-    failed(checks.check_parts({"tracking": faulty.with_ideal_part((case("zebra_crossing"), address))}), "tracking")
+    failed(check_parts({"tracking": faulty.with_ideal_part((case("zebra_crossing"), address))}), "tracking")
 
 
 def test_the_whole_suite_names_what_a_driver_leaves_behind(

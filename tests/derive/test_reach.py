@@ -141,3 +141,15 @@ def test_a_steered_car_drives_the_bend_that_it_steers() -> None:
     radius_m = spec.wheelbase_m / math.tan(0.5 * spec.max_steer_rad)
     turned = rolled.poses[0, -1, 2] - rolled.poses[0, 10, 2]
     assert turned == pytest.approx(4.0 * 5.0 / radius_m, rel=0.02)
+
+
+def test_a_head_start_begins_at_the_place_that_it_names() -> None:
+    """Also late in a run, when the actor has gone far along its path."""
+    crossing = straight("pedestrian", 60, -14, math.pi / 2, 1.4)
+    onset, path = 120, tuple((60.0, y) for y in (-14.0, 14.0))
+    trace = make_trace({"ego": straight("car", 0, 0, EAST, 10), "walker": replace(crossing, path=path)})
+    rolling = ranker("focused").rolling(trace, np.full((2, trace.frames), 5.0))
+    change, values = next(c for c in rolling.changes(onset, [1]) if c[0].operator.name == "head_start")
+    rolled = rolling.rolled([(change, values)])[0]
+    assert rolled.values.min() > 1.4 * onset * STEP_S  # further on than the place at the onset
+    assert rolled.poses[:, 0, 1] == pytest.approx(-14.0 + rolled.values, abs=0.01)

@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.drivers.idm import EMERGENCY_TTC_S, IdmDriver, idm_acceleration
-from foresee_dsl.drivers.idm.traffic import Others, giving_way, leader, read_others, time_to_collision
+from foresee_dsl.drivers.idm import (
+    EMERGENCY_TTC_S,
+    IdmDriver,
+    Others,
+    giving_way,
+    idm_acceleration,
+    leader,
+    read_others,
+    time_to_collision,
+)
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import read_situation
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Observation, SeenActor

@@ -19,7 +19,6 @@ from typer.models import OptionInfo
 from foresee_dsl.campaign.settings import OPTION, CampaignSettings, SettingOption
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
-from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -109,8 +108,8 @@ class Flags:
     store: Annotated[
         Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
     ] = None
-    first: FirstOption = None
-    only: OnlyOption = None
+    first: common.FirstOption = None
+    only: common.OnlyOption = None
     shard: Annotated[
         str,
         typer.Option(

@@ -37,21 +37,20 @@ class Shift(Numeric):
     """
 
     @abstractmethod
-    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
-        """Return a recorded track ([T, 5] footprints) with each of N values (SI) of the property, without a simulation:
+    def tracks(self, boxes: FloatArray, shifts: FloatArray, run: ActorsRun) -> FloatArray:
+        """Return a recorded track ([T, 5] footprints) with each of N shifts (see `shifts`), without a simulation:
         [N, T, 5]."""
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Return the track with a change of the property."""
-        rolled: FloatArray = self.tracks(boxes, np.array([self.shift(change)]), run)[0]
-        return rolled
-
-    @staticmethod
-    def shift(change: Change) -> float:
-        """Return the value (SI) with which `tracks` computes a change: the new value minus the old one."""
         if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
             raise TypeError(f"the value of {change.actor}.{change.property} must be a quantity")
-        return change.now.si - change.was.si
+        rolled: FloatArray = self.tracks(boxes, self.shifts(np.array([change.now.si]), change.was.si), run)[0]
+        return rolled
+
+    def shifts(self, values: FloatArray, was: float) -> FloatArray:
+        """Return what new values (SI) of the property change in a track that was recorded with the value `was`."""
+        return values - was
 
 
 class TimingShift(Shift):
@@ -68,15 +67,14 @@ class TimingShift(Shift):
         high = min(settings.high, situation.spec(target).max_speed_mps / max(fastest, STANDS_MPS))
         return multiples(settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
 
-    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, shifts: FloatArray, run: ActorsRun) -> FloatArray:
         """Return the recorded track, followed faster or slower."""
         del run
-        return retimed(boxes, factor=values)
+        return retimed(boxes, factor=shifts)
 
-    @staticmethod
-    def shift(change: Change) -> float:
-        """Return the new factor."""
-        return change.now.si if isinstance(change.now, Quantity) else 1.0
+    def shifts(self, values: FloatArray, was: float) -> FloatArray:
+        """Return the factors by which the recorded track is followed faster."""
+        return values / was
 
 
 class DelayShift(Shift):
@@ -96,10 +94,10 @@ class DelayShift(Shift):
         shifts = multiples(-was.si, settings.high_s, settings.step_s, centre=0.0, dead=settings.low_s)
         return [was.si + shift for shift in shifts]
 
-    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, shifts: FloatArray, run: ActorsRun) -> FloatArray:
         """Return the recorded track, followed later."""
         del run
-        return retimed(boxes, delay_s=values)
+        return retimed(boxes, delay_s=shifts)
 
 
 class HeadStart(Shift):
@@ -122,10 +120,10 @@ class HeadStart(Shift):
             places[target, settings] = tuple(self._places(situation, target, was.si, settings))
         return places[target, settings]
 
-    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, shifts: FloatArray, run: ActorsRun) -> FloatArray:
         """Return the recorded track, begun further along."""
         del run
-        return retimed(boxes, ahead_m=values)
+        return retimed(boxes, ahead_m=shifts)
 
     @staticmethod
     def _places(situation: Situation, target: str, along_m: float, settings: HeadStartSettings) -> list[float]:
@@ -165,18 +163,18 @@ class LineShift(Shift):
         shifts = multiples(-settings.high_m, settings.high_m, settings.step_m, centre=0.0, dead=settings.least_m)
         return [was.si + shift for shift in shifts]
 
-    def tracks(self, boxes: FloatArray, values: FloatArray, run: ActorsRun) -> FloatArray:
+    def tracks(self, boxes: FloatArray, shifts: FloatArray, run: ActorsRun) -> FloatArray:
         """Return the track, moved sideways as the simulation does it: on a path over some metres, on a lane at a fixed
         rate.
         """
-        left_m, speed = values[:, None], np.nan_to_num(run.trace.states[:, run.actor, SPEED])
+        left_m, speed = shifts[:, None], np.nan_to_num(run.trace.states[:, run.actor, SPEED])
         if run.trace.actors[run.actor].path:
             share = np.cumsum(speed) * STEP_S / LINE_OVER_M
         else:
             sideways = np.cumsum(np.minimum(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed)) * STEP_S
             share = sideways / np.abs(np.where(left_m == 0, 1.0, left_m))
         left = left_m * np.minimum(share, 1.0)
-        changed = np.repeat(boxes[None], len(values), axis=0)
+        changed = np.repeat(boxes[None], len(shifts), axis=0)
         changed[:, :, 0] -= left * np.sin(boxes[:, 2])
         changed[:, :, 1] += left * np.cos(boxes[:, 2])
         return changed

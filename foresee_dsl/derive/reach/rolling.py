@@ -335,7 +335,10 @@ class Rolling:
                 own = self.models[self.trace.actors[change.actor].model]
                 tracks = swap.tracks(boxes, [self.models[name] for name in names], own)
             case Shift() as shift:
-                tracks = shift.tracks(boxes, values, ActorsRun(part, change.actor, self.models))
+                actor = part.actors[change.actor].id
+                if (was := self.moment(change.onset).present_value(actor, shift.property)) is None:
+                    raise LookupError(f"{actor} has no {shift.property} that {shift.name} could change")
+                tracks = shift.tracks(boxes, shift.shifts(values, was.si), ActorsRun(part, change.actor, self.models))
             case _:
                 raise TypeError(f"{change.operator.name} has no track")
         tracks = tracks[:, frames - change.onset]

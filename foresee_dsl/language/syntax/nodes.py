@@ -16,7 +16,7 @@ from foresee_dsl.helps import HelpText, meant_code, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.pattern import FieldForm, Form, Slot, form_of, read_pattern
-from foresee_dsl.language.syntax.node import Node
+from foresee_dsl.language.syntax.node import Node, calculation, negative
 from foresee_dsl.language.units import UNITS, dimension_of
 
 _Tree = Tree[Token]
@@ -228,8 +228,6 @@ class NodeMaker:
         return node
 
     def _calculation(self, tree: _Tree) -> Node:
-        from foresee_dsl.language.syntax.calculations import calculation  # few files have one
-
         operands, signs = tree.children[::2], tree.children[1::2]
         if len(operands) > MAX_DEPTH:
             message = f"a calculation of {len(operands)} values"
@@ -239,8 +237,6 @@ class NodeMaker:
         return calculation(nodes, [(str(s), span_of(_token(s))) for s in signs[: len(nodes) - 1]])
 
     def _negative(self, tree: _Tree) -> Node:
-        from foresee_dsl.language.syntax.calculations import negative
-
         return negative(self.make(next(_trees(tree.children))), span_of(tree))
 
     def _comparison(self, tree: _Tree) -> Node:

@@ -14,11 +14,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from foresee_bridges.carla import agent_base, camera, carla_types, lidar
+from foresee_bridges.carla import agent_base, carla_types
 from foresee_bridges.carla.coordinates import GeoReference, compass_rad, wheel_angle_rad, yaw_deg
 from foresee_bridges.carla.driver import AgentDriver, control_of, plan_of
 from foresee_bridges.carla.opendrive import for_carla
-from foresee_bridges.carla.sensors import Scene, readers
+from foresee_bridges.carla.sensors import COLOURS_BGR, HEIGHTS_M, Scene, picture, readers
 from foresee_bridges.carla.world import NeedsWorldError
 
 from foresee_dsl.campaign.driving import run_test_case
@@ -189,7 +189,7 @@ def test_the_lidar_sees_the_near_sides_of_boxes_and_not_what_they_hide() -> None
     assert points.dtype == np.float32 and points.shape[1] == 4 and len(points) > 50
     assert points[:, 0].min() == pytest.approx(18, abs=0.01) and points[:, 0].max() < 22.01
     assert points[:, 1].min() > -4.01 and points[:, 1].max() < -1.99, "left is negative"
-    assert points[:, 2].min() > -1.8 and points[:, 2].max() < lidar.HEIGHTS_M["truck"] - 1.8
+    assert points[:, 2].min() > -1.8 and points[:, 2].max() < HEIGHTS_M["truck"] - 1.8
     assert np.array_equal(points, read(spec, scene(EGO, ahead_left))), "the car is behind the truck"
     turned = read({**spec, "yaw": -90.0}, scene(EGO, ahead_left))  # the sensor looks to the left
     assert turned[:, 1].min() > 17.9, "what is ahead is to its right"
@@ -199,14 +199,14 @@ def test_the_lidar_sees_the_near_sides_of_boxes_and_not_what_they_hide() -> None
 def test_a_camera_has_the_colours_of_the_view_ahead() -> None:
     episode = Episode(compile_test_case(load_test_case(CASE)))
     views = episode.observation.views
-    image = camera.picture(views, 160, 64, 90.0, 0.0)
+    image = picture(views, 160, 64, 90.0, 0.0)
     assert image.shape == (64, 160, 4) and image.dtype == np.uint8 and (image[..., 3] == 255).all()
     below = image[60, 70:90, :3]
-    assert {tuple(pixel) for pixel in below.tolist()} <= {camera.COLOURS_BGR[0], camera.COLOURS_BGR[1]}, "road"
-    right = camera.picture(views, 100, 80, 60.0, 15.0)[40, :, :3]
+    assert {tuple(pixel) for pixel in below.tolist()} <= {COLOURS_BGR[0], COLOURS_BGR[1]}, "road"
+    right = picture(views, 100, 80, 60.0, 15.0)[40, :, :3]
     centre = np.flatnonzero((image[32:33, :, :3] == right[50]).all(axis=-1))
     assert right.any() and len(centre), "the colours are those of the view"
-    assert not camera.picture(views, 100, 80, 60.0, 180.0)[..., :3].any(), "the view does not show what is behind"
+    assert not picture(views, 100, 80, 60.0, 180.0)[..., :3].any(), "the view does not show what is behind"
 
 
 def test_the_route_has_the_options_of_its_turns() -> None:

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from foresee_dsl.drivers.idm.traffic import read_others, walkers
+from foresee_dsl.drivers.idm import read_others, walkers
 from foresee_dsl.drivers.pdm.situation import RoadSituation, signal_brakings
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records

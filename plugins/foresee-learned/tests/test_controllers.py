@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from foresee_learned import settings as cfg
+from foresee_learned.decisions import Pilot, laid_down
 from foresee_learned.free_way import free_way, rules_of
 from foresee_learned.fusion_safe import (
     Creeping,
@@ -17,7 +18,6 @@ from foresee_learned.fusion_safe import (
     planned_speed,
 )
 from foresee_learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied, square_middle
-from foresee_learned.pilot import Pilot, laid_down
 from foresee_learned.session import Network
 from training.small_networks import fusion_safe
 

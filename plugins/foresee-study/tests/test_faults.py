@@ -12,14 +12,13 @@ from pathlib import Path
 import pytest
 from foresee_study.faults import plug_in_path
 from foresee_study.faults.__main__ import FEW, listed
-from foresee_study.faults.approaches import APPROACHES, DEFAULT, Approach
 from foresee_study.faults.benchmark import all_kinds
 from foresee_study.faults.causes import Named, causes_table
 from foresee_study.faults.evidence import ApproachRun, Evidence, Failure
 from foresee_study.faults.judgement import judgement_table, measure_judgement
 from foresee_study.faults.measures import Confusion, confusions, detects, median, scores, weakest
 from foresee_study.faults.sampling import library, name
-from foresee_study.faults.searching import Search, searched
+from foresee_study.faults.searching import APPROACHES, DEFAULT_APPROACHES, Approach, Search, searched
 from foresee_study.faults.table import Benchmark, as_json, as_markdown
 from foresee_study.halves import Half, of_half
 
@@ -235,7 +234,7 @@ def test_halves_are_apart_and_small_samples_have_all_families(bundled: list[Test
 
 
 def test_every_approach_is_a_campaign_that_this_version_can_run() -> None:
-    assert all(name in APPROACHES for name in DEFAULT)
+    assert all(name in APPROACHES for name in DEFAULT_APPROACHES)
     for approach in APPROACHES.values():
         settings = replace(CampaignSettings(), **(approach.settings or {}))
         assert settings.ranker in RANKERS.names() and settings.preset in PRESETS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foresee_learned.rasters import FORWARD_CHANNELS
 from foresee_study.selforacle.pictures import CLASSES, PALETTE, classes_seen, looked_at, pictures_of, signals_at
-from foresee_study.selforacle.segments import segments_of, waypoints_passed
+from foresee_study.selforacle.ranker import segments_of, waypoints_passed
 from foresee_study.selforacle.watcher import watcher_of
 from typer.testing import CliRunner
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from foresee_study.selforacle.segments import Segment
+from foresee_study.selforacle.ranker import Segment
 from scipy.stats import rankdata
 
 from foresee_dsl.kernels.arrays import FloatArray

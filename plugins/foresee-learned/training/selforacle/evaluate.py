@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from foresee_study.halves import Half, of_half
-from foresee_study.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
-from foresee_study.selforacle.segments import Segment
+from foresee_study.selforacle.ranker import ConvolutionalRanker, Segment, SelfOracleRanker
 from foresee_study.selforacle.watcher import watcher_of
 from scipy.stats import spearmanr
 

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from foresee_study.selforacle.pictures import EVERY_S, PALETTE, classes_seen, looked_at
-from foresee_study.selforacle.segments import waypoints_passed
+from foresee_study.selforacle.ranker import waypoints_passed
 from numpy.typing import NDArray
 
 from foresee_dsl.campaign.driving import new_driver

@@ -10,8 +10,7 @@ import typer
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, notes_on, shard_of
-from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption, selected
-from foresee_dsl.cli.options.common import FAILED, JsonOption, SeedOption, console
+from foresee_dsl.cli.options.common import FAILED, FirstOption, JsonOption, OnlyOption, SeedOption, console, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.report.formats import PEOPLE, CommandReport

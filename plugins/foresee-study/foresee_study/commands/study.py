@@ -13,8 +13,16 @@ import typer
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
-from foresee_dsl.cli.options.case_selection import OnlyOption
-from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, json_document, names_in
+from foresee_dsl.cli.options.common import (
+    FAILED,
+    AllowOutsideOption,
+    JsonOption,
+    OnlyOption,
+    console,
+    json_document,
+    names_in,
+    selected,
+)
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.report.formats import CommandReport
 
@@ -409,7 +417,6 @@ def cases_of(
     paths: list[str] | None, settings: StudySettings, only: list[str] | None, *, allow_outside: bool
 ) -> tuple[TestCase, ...]:
     """Return the test cases of a study: the test cases of its half, up to the maximum number."""
-    from foresee_dsl.cli.options.case_selection import selected
     from foresee_dsl.files import data_folder
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_study.halves import of_half, sample

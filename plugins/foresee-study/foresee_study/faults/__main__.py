@@ -14,12 +14,12 @@ from types import MappingProxyType
 from typing import Any
 
 from foresee_dsl.files import write_whole
-from foresee_study.faults.approaches import APPROACHES, DEFAULT
 from foresee_study.faults.benchmark import Plan, all_kinds, measure
 from foresee_study.faults.causes import causes_table, measure_causes
 from foresee_study.faults.judgement import judgement_table, measure_judgement
 from foresee_study.faults.plug_in_path import add_plug_in
 from foresee_study.faults.sampling import library
+from foresee_study.faults.searching import APPROACHES, DEFAULT_APPROACHES
 from foresee_study.faults.table import Benchmark, as_json, as_markdown, table_lines
 from foresee_study.halves import Half
 
@@ -120,7 +120,7 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType({
         "help": "strengths of the fault; bisection begins in the middle, and approaches are compared at the middle "
         "strength",
     },
-    "--approaches": {"default": ",".join(DEFAULT), "help": f"the searches, of {', '.join(APPROACHES)}"},
+    "--approaches": {"default": ",".join(DEFAULT_APPROACHES), "help": f"the searches, of {', '.join(APPROACHES)}"},
     "--half": {
         "default": "even",
         "choices": tuple(map(str, Half)),

@@ -20,12 +20,11 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
-from foresee_study.faults.approaches import Approach
 from foresee_study.faults.evidence import Evidence
 from foresee_study.faults.measures import detects, weakest
 from foresee_study.faults.plug_in_path import add_plug_in, address, healthy
 from foresee_study.faults.sampling import library, name
-from foresee_study.faults.searching import Search, searched
+from foresee_study.faults.searching import Approach, Search, searched
 from foresee_study.faults.table import Benchmark
 from foresee_study.halves import Half
 

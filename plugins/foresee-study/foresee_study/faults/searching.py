@@ -1,29 +1,34 @@
-"""Runs one search: a campaign of a faulty driver up to a limit of simulated time, and records its failures."""
+"""Runs one search: a campaign of a faulty driver up to a limit of simulated time, and records its failures.
+
+The approaches that are compared (`APPROACHES`) differ in the settings of the campaign. Its tasks run in this process,
+one after the other (`InOrder`).
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.keys import driver_identity, step_code
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.document import TestCase
-from foresee_study.faults import in_order
-from foresee_study.faults.approaches import Approach
 from foresee_study.faults.evidence import (
     AHEAD,
     ANY,
@@ -41,6 +46,41 @@ from foresee_study.faults.plug_in_path import address, healthy
 
 MOST_SEEDS = 50
 """Maximum number of seeds of the sensors' noise with which the plain test cases are driven. Ours."""
+MANY_POINTS = 1000
+REFERENCES = frozenset({"reference", "case_reference"})
+"""Steps that judge failures; the time that they simulate does not count."""
+SEARCH_STEPS = frozenset({"seed", "forecast", "clip", "mutants", "child"})
+PLAIN_STEPS = frozenset({"seed"})
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A search approach.
+
+    Attributes:
+        name: its name. settings: campaign settings that differ from the default; None: the test cases are driven
+            unchanged, with one seed of the sensors' noise after the other.
+    """
+
+    name: str
+    settings: Mapping[str, Any] | None = field(default_factory=dict)
+
+
+APPROACHES = {
+    approach.name: approach
+    for approach in (
+        Approach("plain", None),
+        Approach("random", {"ranker": "random"}),
+        Approach("proximity", {"ranker": "proximity"}),
+        Approach("foresee", {"ranker": "foresee"}),
+        Approach("paper", {"ranker": "foresee", "preset": "paper"}),
+        Approach("careful", {"ranker": "careful", "preset": "avoidable"}),
+        Approach("adaptive", {"ranker": "foresee", "allocation": "adaptive"}),
+        Approach("careful-adaptive", {"ranker": "careful", "preset": "avoidable", "allocation": "adaptive"}),
+        Approach("exhaustive", {"ranker": "exhaustive", "risky_points": MANY_POINTS}),
+    )
+}
+DEFAULT_APPROACHES = ("plain", "random", "proximity", "foresee", "careful", "exhaustive")
 
 
 @dataclass(frozen=True)
@@ -77,6 +117,54 @@ class Search:
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
+class InOrder(Executor):
+    """Executes the tasks of a campaign in the order in which it would pass them to its workers.
+
+    Attributes:
+        simulated_s: simulated time of the search so far. order: kind, name and simulated time of each run.
+    """
+
+    def __init__(self, limit_s: float, kinds: frozenset[str] = SEARCH_STEPS) -> None:
+        """Run steps of these kinds up to `limit_s` of simulated time, and afterwards only steps that judge failures."""
+        super().__init__()
+        self._limit_s, self._kinds = limit_s, kinds
+        self.simulated_s = 0.0
+        self.order: list[tuple[str, str, float]] = []
+
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[list[Update]]:
+        """See `Executor`; tasks that are not run are dropped, so that the campaign counts as stopped."""
+        while self._queue and not stop():
+            (number,) = self._queue.take()
+            task = self._tasks.pop(number)
+            work = task.argument
+            if not isinstance(work, Work):
+                raise TypeError(f"the task {task.name} is not a step of a campaign")
+            kind = work.steps[0].kind
+            if kind not in REFERENCES and (kind not in self._kinds or self.simulated_s >= self._limit_s):
+                continue
+            try:
+                for step in run_steps(work):
+                    self._count(step, task.name)
+                    yield [Update(task, TaskPart(step))]
+            except Exception as err:  # a step that fails has an outcome of its own
+                yield [Update(task, BrokenTask(task, f"{type(err).__name__}: {err}", "raised"))]
+            else:
+                yield [Update(task, None)]
+
+    def close(self) -> None:
+        """Drop the remaining tasks."""
+        self._queue.clear()
+        self._tasks.clear()
+
+    def _count(self, step: StepResult, task: str) -> None:
+        record = step.record
+        if not isinstance(record, CaseRunOutcome | ClipOutcome | ChildOutcome):
+            return
+        duration_s = record.duration_s if math.isfinite(record.duration_s) else 0.0
+        self.simulated_s += duration_s
+        self.order.append((step.kind, task if step.kind == "seed" else step.name, duration_s))
+
+
 def searched(search: Search, cases: Sequence[TestCase], out: Path) -> Evidence:
     """Return the evidence of a search; an earlier result with the same code is read from `out`."""
     place = out / search.fault.replace("/", "_") / f"{search.strength:g}"
@@ -97,7 +185,7 @@ def searched(search: Search, cases: Sequence[TestCase], out: Path) -> Evidence:
 
 def _campaign(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[ApproachRun, ...]:
     """Run the search's campaign."""
-    executor = in_order.InOrder(search.simulated_s)
+    executor = InOrder(search.simulated_s)
     return tuple(_ran(_run(search.settings, cases, work, executor), executor, search))
 
 
@@ -106,7 +194,7 @@ def _plain(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Appro
     runs: list[ApproachRun] = []
     left_s = search.simulated_s
     for seed in range(search.seed, search.seed + MOST_SEEDS):
-        executor = in_order.InOrder(left_s, in_order.PLAIN)
+        executor = InOrder(left_s, PLAIN_STEPS)
         result = _run(replace(search.settings, seed=seed), cases, work / str(seed), executor)
         runs += _ran(result, executor, search)
         left_s -= executor.simulated_s
@@ -115,9 +203,7 @@ def _plain(search: Search, cases: Sequence[TestCase], work: Path) -> tuple[Appro
     return tuple(runs)
 
 
-def _run(
-    settings: CampaignSettings, cases: Sequence[TestCase], work: Path, executor: in_order.InOrder
-) -> CampaignResult:
+def _run(settings: CampaignSettings, cases: Sequence[TestCase], work: Path, executor: InOrder) -> CampaignResult:
     with Store(work / "store") as store:
         options = RunOptions(executor=lambda _: executor)
         # An interrupted search begins from scratch, because the order of its runs is part of its result.
@@ -125,7 +211,7 @@ def _run(
         return run_campaign(cases, settings, out=work / "out", store=store, options=options)
 
 
-def _ran(result: CampaignResult, executor: in_order.InOrder, search: Search) -> Iterator[ApproachRun]:
+def _ran(result: CampaignResult, executor: InOrder, search: Search) -> Iterator[ApproachRun]:
     """Yield the runs of a campaign in their order, with their failures."""
     failures = dict(_failures(result, search))
     for kind, name, duration_s in executor.order:
