@@ -28,8 +28,8 @@ from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.limits import LIMITS
 from foresee_dsl.simulate.results.criticality import Measure
+from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.results.verdict import COLLISIONS
-from foresee_dsl.simulate.rules.infraction import Rule
 from tests.support.goldens import Golden
 
 ROOT = Path(__file__).parents[1]

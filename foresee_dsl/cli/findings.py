@@ -129,7 +129,7 @@ def written_campaign(campaign: Path) -> Mapping[str, Any]:
     Raises:
         ForeseeError: the folder does not hold a campaign.
     """
-    from foresee_dsl.campaign.findings.written import read_written
+    from foresee_dsl.campaign.written import read_written
     from foresee_dsl.errors import ForeseeError
 
     data = read_written(campaign)

@@ -37,7 +37,7 @@ def report(
     [dim]foresee report out
     foresee report out --format markdown --output review/report.md[/dim]
     """
-    from foresee_dsl.campaign.findings.written import campaign_folders
+    from foresee_dsl.campaign.written import campaign_folders
 
     folders, output = campaign_folders(out), CALL.get().output
     match format:

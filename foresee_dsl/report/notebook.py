@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-from foresee_dsl.campaign.findings.written import campaign_folders
+from foresee_dsl.campaign.written import campaign_folders
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import templates
 from foresee_dsl.language.project.document import TestCase

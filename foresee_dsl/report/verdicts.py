@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from rich.text import Text
 
 from foresee_dsl.report.safe_text import counted, safe
+from foresee_dsl.simulate.results.infraction import Infraction
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, UnfiredTrigger, Verdict
-from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
 """Maximum length of a text that must not be cut in practice, characters: a path, or a line that a driver printed."""

@@ -27,9 +27,9 @@ from foresee_dsl.simulate.judging import Frame, Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
+from foresee_dsl.simulate.results.infraction import Infraction
 from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.trace import STEP_S, WAYPOINT_M, Trace
 from foresee_dsl.simulate.triggers.condition_history import Expectations

@@ -20,9 +20,9 @@ from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.goal import GoalSeries
+from foresee_dsl.simulate.results.infraction import Infraction, infractions_in
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.rules.infraction import Infraction, infractions_in
 from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 

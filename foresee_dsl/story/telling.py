@@ -15,9 +15,9 @@ from foresee_dsl.language.model import Change, Expression, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.goal import GoalSeries
+from foresee_dsl.simulate.results.infraction import Infraction, Rule
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.rules.infraction import Infraction, Rule
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X, Y
 from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import EgoMotion, ego_moments, ego_of

@@ -18,9 +18,9 @@ from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import reference_run
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import RunOptions
-from foresee_dsl.campaign.findings.failures import explained
-from foresee_dsl.campaign.findings.written import read_campaign_folder
 from foresee_dsl.campaign.records import ChildOutcome, decode, encode
+from foresee_dsl.campaign.steps.explanations import explained
+from foresee_dsl.campaign.written import read_campaign_folder
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case

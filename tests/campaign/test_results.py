@@ -15,9 +15,9 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.documents import plain, read_record
 from foresee_dsl.report.terminal.campaign import save_campaign
 from foresee_dsl.simulate.results.goal import GoalMargin
+from foresee_dsl.simulate.results.infraction import Infraction, Rule
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, Impact, Verdict
-from foresee_dsl.simulate.rules.infraction import Infraction, Rule
 from foresee_dsl.story import Moment, Story
 from foresee_dsl.story.story import ContactClass
 

@@ -19,9 +19,9 @@ from lxml import html
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.findings.written import campaign_folders
 from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.written import campaign_folders
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.page.contents import Contents

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from foresee_dsl.simulate.results.metrics import since_entry_s
+from foresee_dsl.simulate.actors.insertion import since_entry_s
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.findings.failures import explained
+from foresee_dsl.campaign.steps.explanations import explained
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
-from foresee_dsl.simulate.rules.infraction import Rule
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, STEP_S, X
 from foresee_dsl.story.story import ContactClass

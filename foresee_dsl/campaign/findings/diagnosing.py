@@ -15,7 +15,7 @@ from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
 from foresee_dsl.campaign.driving import DriverSetup, recorded_setup
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
-from foresee_dsl.campaign.findings.written import read_written
+from foresee_dsl.campaign.written import read_written
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.consent import refuse_programs

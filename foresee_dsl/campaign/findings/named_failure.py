@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.findings.written import JSON, read_written
+from foresee_dsl.campaign.written import JSON, read_written
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help

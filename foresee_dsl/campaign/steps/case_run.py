@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.findings.failures import explained
 from foresee_dsl.campaign.records import CaseRunOutcome
+from foresee_dsl.campaign.steps.explanations import explained
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase

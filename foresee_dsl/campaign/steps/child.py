@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import DriverSetup, notes_of
-from foresee_dsl.campaign.findings.failures import NOTHING, Explanation, explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
+from foresee_dsl.campaign.steps.explanations import NOTHING, Explanation, explained
 from foresee_dsl.campaign.steps.inputs import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.language.model import Change, Mutant, Origin

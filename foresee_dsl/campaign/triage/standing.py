@@ -9,10 +9,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.findings.written import JSON
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.triage.decisions import Decision, counted_decisions, read_decisions, story_key, triage_file
 from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding, digest_of, read_history
+from foresee_dsl.campaign.written import JSON
 from foresee_dsl.files import read_outside_text
 
 

@@ -14,15 +14,15 @@ from foresee_dsl.campaign.assembly import reference_trace
 from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.sureness import sureness_of
-from foresee_dsl.campaign.findings.written import (
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.triage.decisions import counted_decisions
+from foresee_dsl.campaign.triage.standing import standing_of_written
+from foresee_dsl.campaign.written import (
     WrittenCampaign,
     WrittenFinding,
     read_campaign_folder,
     read_written,
 )
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
-from foresee_dsl.campaign.triage.decisions import counted_decisions
-from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
 from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Responsibility
 from foresee_dsl.campaign.findings.sureness import Sureness
-from foresee_dsl.campaign.findings.written import WrittenCampaign
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
+from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.documents import or_null
 from foresee_dsl.report.page.runs import Run
 

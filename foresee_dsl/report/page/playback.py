@@ -22,8 +22,8 @@ from foresee_dsl.report.drawing.ground import with_patches
 from foresee_dsl.report.drawing.shapes import CM, Shape, as_data, body_shapes, ground_shapes, line
 from foresee_dsl.report.show.panels import Role, role_of
 from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.infraction import infractions_in
 from foresee_dsl.simulate.results.near_misses import times_between
-from foresee_dsl.simulate.rules.infraction import infractions_in
 from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
-from foresee_dsl.campaign.findings.written import WrittenCampaign
 from foresee_dsl.campaign.records import CaseRunOutcome
+from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
 from foresee_dsl.report.terminal.raw_numbers import family_title
 from foresee_dsl.report.terminal.tables import duration

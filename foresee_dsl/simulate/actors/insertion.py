@@ -11,11 +11,10 @@ from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, OpenDoor, StaticActor, SteeredVehicle, with_timing
 from foresee_dsl.simulate.actors.path_groups import PathGroup
+from foresee_dsl.simulate.actors.progress import Progress
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
-from foresee_dsl.simulate.results.metrics import since_entry_s
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import BodyMotion, World
 
 GAINS_SHARE = 0.9
@@ -32,6 +31,9 @@ Ours: enough that no held vehicle reaches 0."""
 REGISTRATION_STEPS = 1
 """Steps for which all vehicles are held after the last insertion. Ours: SUMO 1.28 registers a vehicle that approaches a
 junction one step later."""
+INSIDE_CREEPS_MPS = 0.5
+"""Assumed approach speed of a vehicle that waits inside a junction, m/s. Ours: it is used only to order such vehicles
+by how far inside they are."""
 
 
 class Insertion:
@@ -259,3 +261,21 @@ class ShownActors:
         if line is not None:
             s, lateral = self._progress.of(self.ego, frame)
             self.ego.lane = line.lane_at(s) if abs(lateral) <= _OFF_LANE_M else ""
+
+
+def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -> float:
+    """Return the time since a vehicle entered a junction (s), estimated from its current state.
+
+    Args:
+        inside_m: distance of its front inside the junction, m.
+        speed_mps: its speed, m/s; without an acceleration it entered at this speed.
+        acceleration_mps2: if positive, the vehicle is assumed to have accelerated at this rate, from a stand if it is
+            far enough inside, and to have moved at `INSIDE_CREEPS_MPS` before that.
+    """
+    if acceleration_mps2 <= 0.0:
+        return inside_m / max(speed_mps, STANDS_MPS)
+    began = speed_mps * speed_mps - 2 * acceleration_mps2 * inside_m
+    if began >= 0.0:
+        return (speed_mps - math.sqrt(began)) / acceleration_mps2
+    crept_m = inside_m - speed_mps * speed_mps / (2 * acceleration_mps2)
+    return speed_mps / acceleration_mps2 + crept_m / INSIDE_CREEPS_MPS

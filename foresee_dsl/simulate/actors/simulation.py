@@ -25,12 +25,12 @@ from foresee_dsl.simulate.actors.moved_actors import (
     with_timing,
 )
 from foresee_dsl.simulate.actors.path_groups import PathGroup
+from foresee_dsl.simulate.actors.progress import Progress
 from foresee_dsl.simulate.actors.roads import RoadLimits, SlipperyGround
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.actors.track_followers import TrackActor, TrackGroup
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World
 
 LOOKS_AHEAD_M = 60.0

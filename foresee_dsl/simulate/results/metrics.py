@@ -1,9 +1,9 @@
-"""Measures at one moment: time to a place, distance to a junction, time since entering it. Infinity means "never"."""
+"""Measures at one moment: time to a place, distance to a junction. Infinity means "never"."""
 
 from __future__ import annotations
 
 from functools import cache
-from math import cos, hypot, inf, nan, sin, sqrt
+from math import cos, hypot, inf, nan, sin
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +13,6 @@ from foresee_dsl.compile.roads.network import RoadNetwork, polygon
 from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, corner_points
-from foresee_dsl.kernels.constants import STANDS_MPS
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -25,34 +24,11 @@ ETA_SLOWEST_MPS = 1.0
 language."""
 
 
-INSIDE_CREEPS_MPS = 0.5
-"""Assumed approach speed of a vehicle that waits inside a junction, m/s. Ours: it is used only to order such vehicles
-by how far inside they are."""
-
-
 def eta(distance_m: float, speed_mps: float) -> float:
     """Return the time (s) to a place `distance_m` ahead at this speed, which counts as at least 1 m/s; infinity if the
     place is behind.
     """
     return distance_m / max(speed_mps, ETA_SLOWEST_MPS) if distance_m >= 0 else inf
-
-
-def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -> float:
-    """Return the time since a vehicle entered a junction (s), estimated from its current state.
-
-    Args:
-        inside_m: distance of its front inside the junction, m.
-        speed_mps: its speed, m/s; without an acceleration it entered at this speed.
-        acceleration_mps2: if positive, the vehicle is assumed to have accelerated at this rate, from a stand if it is
-            far enough inside, and to have moved at `INSIDE_CREEPS_MPS` before that.
-    """
-    if acceleration_mps2 <= 0.0:
-        return inside_m / max(speed_mps, STANDS_MPS)
-    began = speed_mps * speed_mps - 2 * acceleration_mps2 * inside_m
-    if began >= 0.0:
-        return (speed_mps - sqrt(began)) / acceleration_mps2
-    crept_m = inside_m - speed_mps * speed_mps / (2 * acceleration_mps2)
-    return speed_mps / acceleration_mps2 + crept_m / INSIDE_CREEPS_MPS
 
 
 class Outline(NamedTuple):

@@ -14,8 +14,8 @@ from foresee_dsl.documents import every_field, read_fields, rounded
 from foresee_dsl.drivers.following import Deviation
 from foresee_dsl.notebooks import Displayed
 from foresee_dsl.simulate.results.goal import GoalMargin
+from foresee_dsl.simulate.results.infraction import Infraction
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
-from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.trace import Trace
 
 

@@ -18,7 +18,7 @@ from foresee_dsl.compile.roads.topology import Crossing, Movement
 from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.rules.infraction import Rule
+from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP
 
 ON_CROSSING_M = 0.5

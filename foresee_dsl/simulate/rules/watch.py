@@ -16,9 +16,9 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
+from foresee_dsl.simulate.results.infraction import Infraction, Rule
 from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.rules.giving_way import Contender, YieldArea, blocks_others, contenders, yield_areas
-from foresee_dsl.simulate.rules.infraction import Infraction, Rule
 from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, STOPPED_MPS, StopLine, can_stop
 from foresee_dsl.simulate.trace import STEP_S
 

@@ -36,11 +36,11 @@ from foresee_dsl.simulate.orders.speed import (
     Stop,
     StopSpot,
 )
-from foresee_dsl.simulate.orders.standing import StandingOrders
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.record import DirectorRecord, Order
+from foresee_dsl.simulate.triggers.standing_orders import StandingOrders
 from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 
 _Item = TypeVar("_Item", bound=m.Item)

@@ -17,9 +17,9 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
+from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.results.metrics import point_distance
 from foresee_dsl.simulate.rules.giving_way import YieldArea
-from foresee_dsl.simulate.rules.infraction import Rule
 from foresee_dsl.simulate.rules.watch import RuleWatch
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
 from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured

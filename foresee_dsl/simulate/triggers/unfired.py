@@ -24,6 +24,7 @@ from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.moved_actors import EgoVehicle, PathActor
+from foresee_dsl.simulate.actors.progress import Progress
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.mission import mission_of
@@ -34,7 +35,6 @@ from foresee_dsl.simulate.trace import STEP_S, Trace, X
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
 from foresee_dsl.simulate.triggers.kinds import ConditionKind, kind_of
-from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.triggers.record import Place
 from foresee_dsl.simulate.world import World
 
