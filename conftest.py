@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import settings
 
 from foresee_dsl.drivers.consent import allowing
-from tests.support.command import fork_interpreters
+from tests.support.command import SERVER, fork_interpreters, start_server
 from tests.support.goldens import Golden
 
 if TYPE_CHECKING:
@@ -48,6 +49,12 @@ def _consent_ends_with_the_test() -> Iterator[None]:
         yield
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Start the server that forks commands once for all workers, before they collect."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        os.environ[SERVER] = start_server()
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the flag that writes golden files anew instead of comparing with them."""
     parser.addoption("--rewrite-goldens", action="store_true", help="write golden files (see `git diff` afterwards)")
@@ -55,24 +62,53 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 LONG = (
     "test_fortnight.py",
-    "test_miniature.py",
-    "test_wheel.py",
     "test_readme.py",
+    "test_repeats.py",
+    "test_start_pages.py",
     "test_ci.py",
+    "test_miniature.py",
     "test_chaos.py",
-    "test_plan.py",
-    "test_contract.py",
-    "test_carla_towns.py",
+    "test_diff_properties.py",
+    "test_surroundings.py",
     "test_received_files.py",
+    "test_isolation.py",
+    "test_wheel.py",
+    "test_init_drivers.py",
+    "test_contract.py",
+    "test_plan.py",
+    "test_exit_codes.py",
+    "test_spoilt_process.py",
+    "test_commands.py",
+    "test_triage.py",
+    "test_fixes.py",
+    "test_library.py",
+    "test_sure.py",
+    "test_words.py",
+    "test_bad_drivers.py",
+    "test_grpc.py",
+    "test_numbers.py",
+    "test_carla_towns.py",
     "test_broken_expectations.py",
     "test_kept.py",
 )
-"""The longest tests: they come first, or one worker would end with them while the other has nothing to do."""
+"""Files with the longest tests, the longest first: a long test that comes last keeps one worker busy alone."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the files with the longest tests first."""
-    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
+    """Begin the share of each worker with its part of the longest files.
+
+    `--dist worksteal` gives each worker an equal number of tests in the order of the collection, and lets a worker that
+    has ended take from the end of another's: with all long files in front, the first worker had them all.
+    """
+    files = {name: [item for item in items if item.path.name == name] for name in LONG}
+    rest = iter([item for item in items if item.path.name not in files])
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    size = -(-len(items) // workers)
+    shares: list[pytest.Item] = []
+    for worker in range(workers):
+        share = [item for name in LONG[worker::workers] for item in files[name]]
+        shares += [*share, *itertools.islice(rest, max(0, size - len(share)))]
+    items[:] = [*shares, *rest]
 
 
 def pytest_collection_finish() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from foresee_dsl.language.parser import parse
 from tests.support.command import foresee, quick_path
+from tests.support.first_project import copy_first_runs
 
 
 def test_five_minutes_end_with_a_finding_that_is_kept(root: Path, tmp_path: Path) -> None:
@@ -23,6 +24,8 @@ def test_five_minutes_end_with_a_finding_that_is_kept(root: Path, tmp_path: Path
         if command.startswith("cd "):
             folder /= command[3:]
             continue
+        if command.startswith("foresee campaign "):
+            copy_first_runs(folder)
         done = subprocess.run(
             command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, check=False
         )

@@ -19,6 +19,7 @@ from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.cli.added import ADDED
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
+from foresee_dsl.files import cache_folder
 from foresee_dsl.plugins import PluginGroup
 from tests.support.received import Received
 
@@ -115,9 +116,16 @@ def received(tmp_path_factory: pytest.TempPathFactory) -> Received:
 
 @pytest.fixture
 def folder(received: Received, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Received]:
-    """The same, with nothing started yet, in a user's home without a configuration."""
+    """The same, with nothing started yet, in a user's home without a configuration.
+
+    Of the cache only what is computed without files that name programs is shared by the tests.
+    """
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    for name in ("grammar", "imports", "nets", "types"):
+        (cache / name).symlink_to(cache_folder(name))
     monkeypatch.setenv("FORESEE_CONFIG", str(tmp_path / "config.toml"))
-    monkeypatch.setenv("FORESEE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("FORESEE_CACHE", str(cache))
     monkeypatch.chdir(tmp_path)
     received.mark.unlink(missing_ok=True)
     yield received

@@ -11,8 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.support.command import foresee, quick_path
+from tests.support.first_project import copy_first_runs
 
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
+FIRST_CAMPAIGN = "foresee campaign campaign.foresee --exit-zero"
 FILE = re.compile(r"Save this as `([^`]+)`:\s*$")
 
 
@@ -40,6 +42,8 @@ def follow(root: Path, page: str, folder: Path) -> None:
                 if command.startswith("cd "):
                     folder /= command[3:]
                     continue
+                if command == FIRST_CAMPAIGN:
+                    copy_first_runs(folder)
                 done = subprocess.run(
                     command, shell=True, cwd=folder, env=environment, capture_output=True, text=True, check=False
                 )

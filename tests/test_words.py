@@ -38,6 +38,8 @@ PHRASES = {
 }
 """Phrases, as regular expressions, and what to write instead."""
 
+ANY = re.compile("|".join(pattern for pattern, _ in PHRASES.values()), re.MULTILINE)
+
 IN_FILES = {
     ("foresee_dsl/campaign/findings/review.py", "asked"),
     ("foresee_dsl/campaign/storage/maintenance.py", "known"),
@@ -54,9 +56,9 @@ IN_FILES = {
 """Fields, words and values that are written to files and read back: another name would make older files unreadable."""
 
 
-def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
+def names(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
     """Yield the line and the name of everything that gets a name."""
-    for node in ast.walk(tree):
+    for node in nodes:
         match node:
             case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name) | ast.FunctionDef(name=name):
                 yield node.lineno, name.strip("_")
@@ -66,14 +68,16 @@ def names(tree: ast.Module) -> Iterator[tuple[int, str]]:
                 yield node.lineno, name.strip("_").lower()
 
 
-def texts(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
+def texts(source: str, nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
     """Yield the line and the text of every string and comment."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.lineno, node.value
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], token.string.removeprefix("#").strip()
+    # What stands behind a `#` may be a comment; only where one has a phrase are all tokens read, which takes long.
+    if any(ANY.search(rest[1].strip()) for rest in re.finditer(r"#(?=(.*))", source)):
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT:
+                yield token.start[0], token.string.removeprefix("#").strip()
 
 
 def allowed(hit: tuple[str, str, str]) -> bool:
@@ -86,14 +90,18 @@ def every_place() -> Iterator[tuple[str, str, str]]:
     for path in CODE:
         where = path.relative_to(ROOT).as_posix()
         source = path.read_text(encoding="utf-8")
-        tree = ast.parse(source)
-        yield from ((f"{where}:{line}", name, name) for line, name in names(tree) if name in NAMES)
-        for line, text in texts(source, tree):
+        nodes = list(ast.walk(ast.parse(source)))
+        yield from ((f"{where}:{line}", name, name) for line, name in names(nodes) if name in NAMES)
+        for line, text in texts(source, nodes):
+            if not ANY.search(text):
+                continue
             for kind, (pattern, _) in PHRASES.items():
                 yield from ((f"{where}:{line}", kind, hit.group()) for hit in re.finditer(pattern, text))
     for path in PROSE:
         where = path.relative_to(ROOT).as_posix()
         for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            if not ANY.search(text):
+                continue
             for kind, (pattern, _) in PHRASES.items():
                 yield from ((f"{where}:{number}", kind, hit.group()) for hit in re.finditer(pattern, text))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import distributions
@@ -53,6 +53,21 @@ def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
     if fresh:
         _cache_imports(imports)
     return tuple(sorted(closure))
+
+
+def imports_in(files: Sequence[Path]) -> set[str]:
+    """Return the imports of source files (`imports_of`); one that this version of Python cannot parse has none."""
+    imports, fresh, names = _cached_imports(), False, set[str]()
+    for file in files:
+        source = file.read_bytes()
+        digest = hashlib.sha256(source).hexdigest()[:DIGITS]
+        if digest not in imports:
+            with suppress(SyntaxError, ValueError):
+                imports[digest], fresh = sorted(set(imports_of(source))), True
+        names.update(imports.get(digest, ()))
+    if fresh:
+        _cache_imports(imports)
+    return names
 
 
 @cache

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of, top_of, with_plug_ins
+from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_in, top_of, with_plug_ins
 from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import OPERATORS
 from foresee_dsl.drivers.process_state import put_back
@@ -116,15 +116,9 @@ def _package_digest(top: str) -> str:
         if place is not None:
             sources = [file for file in _files(Path(place)) if file.suffix == ".py"]
             others = with_plug_ins() - {top}
-            imported = {m for file in sources for m in _imports(file) if top_of(m) in others}
+            imported = {module for module in imports_in(sources) if top_of(module) in others}
             return f"{_digest(Path(place))} {code_of(*sorted(imported))}"
     return ""
-
-
-def _imports(file: Path) -> set[str]:
-    with suppress(SyntaxError, ValueError):  # a file that this version of Python cannot parse has no imports
-        return set(imports_of(file.read_bytes()))
-    return set()
 
 
 def _digest(place: Path) -> str:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Self, TypeVar, get_args
 from pydantic import TypeAdapter
 
 from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.judge import Opinion
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
@@ -52,8 +53,9 @@ class JudgedRun(RunRecord):
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
         judges: dict[str, type[AnyJudgement]] = {"preventability": Preventability, "anticipation": Anticipation}
-        answers = tuple(read_record(kind, data[key]) for key, kind in judges.items() if data.get(key))
-        return {**read_fields(cls, data), "judgements": answers}
+        answers = [read_record(kind, data[key]) for key, kind in judges.items() if data.get(key)]
+        answers += [read_record(Opinion, opinion) for opinion in data.get("opinions", ())]
+        return {**read_fields(cls, data), "judgements": tuple(answers)}
 
     @property
     def breaks_goal(self) -> bool:
@@ -76,6 +78,11 @@ class JudgedRun(RunRecord):
     def anticipation(self) -> Anticipation | None:
         """Return the answer of the anticipating driver; None if the run did not fail."""
         return next((judgement for judgement in self.judgements if isinstance(judgement, Anticipation)), None)
+
+    @property
+    def opinions(self) -> tuple[Opinion, ...]:
+        """Return the answers of the judges that store no figures of their own."""
+        return tuple(judgement for judgement in self.judgements if isinstance(judgement, Opinion))
 
     @property
     def preventable(self) -> Preventable | None:
@@ -124,6 +131,7 @@ class CaseRunOutcome(JudgedRun):
             "near_misses": self.near,
             "preventability": self.preventability,
             "anticipation": self.anticipation,
+            "opinions": where_set(or_null(self.opinions)),
             "references": self.references,
             "story": self.story,
             "notes": self.noted,
@@ -230,6 +238,7 @@ class ChildOutcome(JudgedRun):
             "near_misses": self.near,
             "preventability": self.preventability,
             "anticipation": self.anticipation,
+            "opinions": where_set(or_null(self.opinions)),
             "references": self.references,
             "story": self.story,
             "goal": where_set(self.goal),

@@ -49,7 +49,7 @@ def verdicts_line(runs: Sequence[RunRecord]) -> Text:
         return Text(f"{counted(total, 'test case')} passed", style="bold green")
     counts = Counter(run.verdict for run in failed_runs)
     breaking = counts.pop(Verdict.PASS, 0)
-    hung = sum(is_hang(run.reason) for run in failed_runs)
+    hung = sum(run.exceeded_wall_time for run in failed_runs)
     if total in (counts[Verdict.CRASH], hung):
         often, times = Counter(run.reason for run in failed_runs).most_common(1)[0]
         begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, 'test case')}: "
@@ -65,11 +65,6 @@ def short_crash(reason: str) -> str:
     for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
         reason = reason.removeprefix(begins)
     return reason
-
-
-def is_hang(reason: str) -> bool:
-    """Return whether a run was stopped because it took too much wall time, not because its simulated time ended."""
-    return reason.startswith(("timeout: the driver ", "timeout: the run "))
 
 
 def without_verdict(verdict: Verdict, reason: str) -> str:

@@ -23,7 +23,7 @@ from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding
 from foresee_dsl.errors import ForeseeError
 from tests.support import command
 from tests.support.first_project import checked
-from tests.support.small_campaign import TEXT
+from tests.support.small_campaign import TEXT, copy_runs
 
 SHORT = ("--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1")
 
@@ -101,6 +101,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     project = tmp_path_factory.mktemp("project")
     (project / ".gitattributes").write_text("")
     (project / "crosser.foresee").write_text(TEXT)
+    copy_runs(project / "out")
     first = foresee(project, "campaign", "crosser.foresee", *SHORT, expect=1)
     assert "Since the last campaign" not in first
     return project

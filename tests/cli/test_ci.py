@@ -16,8 +16,8 @@ import pytest
 
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, ReportPlace
 from foresee_dsl.report.builds.junit import to_junit
-from tests.support.command import quick_path
-from tests.support.first_project import FOUND, checked, foresee, sarif_schema
+from tests.support.command import pytest_program, quick_path
+from tests.support.first_project import FOUND, checked, copy_first_runs, foresee, sarif_schema
 
 etree = pytest.importorskip("lxml.etree", reason="lxml checks JUnit XML against a schema")
 yaml = pytest.importorskip("yaml", reason="PyYAML reads the files of build servers")
@@ -36,6 +36,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     try:
         foresee("fmt", "--check", ".")
         foresee("check", "--strict", ".")
+        copy_first_runs(folder)
         options = ("--children", "1", "--jobs", "2", "--quiet", "--format", "github", "--junit", "campaign.xml")
         found = foresee("campaign", "campaign.foresee", *options, expect=1)
         Path("annotations.txt").write_text(found.stdout)
@@ -174,7 +175,7 @@ def test_run_and_assess_in_every_form(root: Path) -> None:
 def run_pytest(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     installed = any(entry.value == "foresee_dsl.pytest_plugin" for entry in entry_points(group="pytest11"))
     plugin = () if installed else ("-p", "foresee_dsl.pytest_plugin")  # an environment made before there was one
-    return ran(sys.executable, "-m", "pytest", *plugin, "-p", "no:cacheprovider", *arguments, cwd=cwd)
+    return ran(pytest_program(), *plugin, "-p", "no:cacheprovider", *arguments, cwd=cwd)
 
 
 def test_pytest_says_what_a_failure_is_and_keeps_its_trace(project: Path, tmp_path: Path) -> None:

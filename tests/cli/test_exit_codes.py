@@ -11,7 +11,7 @@ import pytest
 
 from foresee_dsl import cli
 from foresee_dsl.cli.added import ADDED
-from tests.support.small_campaign import TEXT, write_project
+from tests.support.small_campaign import TEXT, copy_runs, write_project
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "exit-codes.md").read_text(encoding="utf-8")
 ROWS = [(command, int(code)) for command, code in re.findall(r"^\| `(foresee [^`]*)` \| (\d+) \|", PAGE, re.M)]
@@ -24,6 +24,7 @@ def test_every_command_has_a_row() -> None:
 
 def test_every_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     write_project(tmp_path)
+    copy_runs(tmp_path / "out")
     late = re.sub(r"\n  case later.*?\n}", "\n}", TEXT.replace("scenario crosser", "scenario late"), flags=re.S)
     late = late.replace("end after 12 s", "expect eventually within 3 s arrived(ego)\n  end after 3 s")
     (tmp_path / "late.foresee").write_text(late)

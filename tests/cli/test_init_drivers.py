@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
 from foresee_dsl.exchange.driver_kinds import DriverKindError, driver_kinds
-from tests.support.command import program
+from tests.support.command import program, pytest_program
 from tests.support.first_project import foresee
 
 BUNDLED = ("external-cpp", "external-python", "external-rust", "python", "trajectory")
@@ -35,7 +34,7 @@ def test_a_written_driver_completes_its_scenarios(name: str, tmp_path: Path) -> 
     assert [command for command in commands if command in kind.build] == list(kind.build)
     for command in kind.build:
         run(folder, *command.split())
-    assert "4 passed" in run(folder, sys.executable, "-m", "pytest", "-p", "no:cacheprovider")
+    assert "4 passed" in run(folder, str(pytest_program()), "-p", "no:cacheprovider")
     page = (folder / "README.md").read_text(encoding="utf-8")
     assert kind.about in page and f"foresee conform {kind.driver.split()[0]}".rstrip("'") in page.replace("'", "")
     run(folder, str(program()), "check", ".")

@@ -176,8 +176,8 @@ def test_what_begins_with_a_keyword_is_one_word(keyword: str) -> None:
 @pytest.mark.parametrize("keyword", sorted(keywords()))
 def test_a_name_may_begin_with_a_keyword(keyword: str) -> None:
     for name in (f"{keyword}x", f"{keyword}_1", f"{keyword}2"):
-        text = _NAMED.format(n=name)
-        assert parse(print_model(parse(text, "x.foresee").model), "x.foresee").model == parse(text, "x.foresee").model
+        model = parse(_NAMED.format(n=name), "x.foresee").model
+        assert parse(print_model(model), "x.foresee").model == model
 
 
 def test_every_keyword_is_in_a_text() -> None:

@@ -139,7 +139,7 @@ def check(file: Path, folder: Path, *, kills: int, seed: int, more: Sequence[str
     assert not list(out.glob(".work-*")), "a working folder is left"
     again = subprocess.run(
         [
-            FORESEE,
+            program(),
             "campaign",
             file,
             "--out",

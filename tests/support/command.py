@@ -20,9 +20,20 @@ from pathlib import Path
 from tests.support import quick_client
 from tests.support.quick_start import FORESEE
 
-__all__ = ["FORESEE", "foresee", "fork_interpreters", "program", "quick_path"]
+__all__ = [
+    "FORESEE",
+    "SERVER",
+    "foresee",
+    "fork_interpreters",
+    "program",
+    "pytest_program",
+    "quick_path",
+    "start_server",
+]
 
 ROOT = Path(__file__).parents[2]
+SERVER = "FORESEE_TESTS_SERVER"
+"""Environment variable with the address of a server that another process has started."""
 
 
 def foresee(
@@ -78,6 +89,11 @@ def program() -> Path:
     return Path(_address()).with_name("bin") / "foresee"
 
 
+def pytest_program() -> Path:
+    """Return a `pytest` that is forked from the server, in whose process the plug-in and the tool are imported."""
+    return Path(_address()).with_name("pytest")
+
+
 def fork_interpreters() -> None:
     """Let `multiprocessing` fork the interpreters of this process from the server: fork servers and workers.
 
@@ -89,7 +105,12 @@ def fork_interpreters() -> None:
 
 @cache
 def _address() -> str:
-    """Start the server; return where it listens."""
+    """Return where the server listens: the one of all workers, else one of this process."""
+    return os.environ.get(SERVER) or start_server()
+
+
+def start_server() -> str:
+    """Start a server, which ends with this process; return where it listens. The first answer waits for its imports."""
     folder = tempfile.TemporaryDirectory(prefix="quick")  # not pytest's: the path of a socket has 107 bytes at most
     atexit.register(folder.cleanup)
     _write_programs(Path(folder.name))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import pickle
+import shutil
 import sqlite3
 from functools import cache
 from importlib.util import find_spec
@@ -14,6 +17,7 @@ import jsonschema
 from typer.testing import CliRunner, Result
 
 from foresee_dsl.cli import app
+from tests.support import command
 
 ROOT = Path(__file__).resolve().parents[2]
 FOUND = (
@@ -38,6 +42,24 @@ def checked(text: str) -> Any:
     schema = ROOT / "docs" / "schemas" / f"{data['document']}-{data['schema']}.json"
     jsonschema.validate(data, json.loads(schema.read_text(encoding="utf-8")))
     return data
+
+
+def copy_first_runs(project: Path) -> None:
+    """Give the project that `foresee init` wrote the store of its first campaign, unless it has one.
+
+    The first test that needs it runs the campaign, as the pages for beginners do, from an empty folder.
+    """
+    if (project / "out").exists():
+        return
+    folder = Path(os.environ["FORESEE_CACHE"]).with_name("first_project")
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "whole").exists():
+            command.foresee("init", folder / "crossroads")
+            command.foresee("campaign", "campaign.foresee", "--exit-zero", cwd=folder / "crossroads")
+            (folder / "whole").touch()
+    shutil.copytree(folder / "crossroads" / "out" / "store", project / "out" / "store")
 
 
 @cache

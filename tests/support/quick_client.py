@@ -15,6 +15,7 @@ import sys
 
 FORKED = {
     "foresee": "",
+    "pytest": "",
     "python": "from multiprocessing.",
     "python-fresh": "from multiprocessing.forkserver import main",
 }
@@ -47,11 +48,11 @@ def _open_files() -> dict[int, int]:
 
 def main(address: str, kind: str, *arguments: str) -> int:
     """Be the program."""
-    code = arguments[arguments.index("-c") + 1] if kind != "foresee" and "-c" in arguments else ""
+    code = arguments[arguments.index("-c") + 1] if FORKED[kind] and "-c" in arguments else ""
     if not code.startswith(FORKED[kind]) or "resource_tracker" in code:
         os.execv(sys.executable, [sys.executable, *arguments])
     words = arguments[arguments.index("-c") + 2 :] if code else arguments
-    request = {"code": code, "words": words, "cwd": os.getcwd(), "env": dict(os.environ)}  # noqa: PTH109 - as above
+    request = {"kind": kind, "code": code, "words": words, "cwd": os.getcwd(), "env": dict(os.environ)}  # noqa: PTH109 - as above
     return ask(address, request, _open_files())
 
 

@@ -17,9 +17,12 @@ import select
 import socket
 import sys
 import traceback
+import zlib
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
+
+import pytest
 
 from tests.support.quick_client import HEAD
 
@@ -48,18 +51,19 @@ _HIGH = 600
 
 def serve(address: str) -> None:
     """Fork for each connection, until the standard input ends."""
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(address)
+    listener.listen(64)
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
     from foresee_dsl.cli import COMMANDS
     from foresee_dsl.cli.added import ADDED
 
     ours = (f"foresee_dsl.cli.{command.rpartition('.')[0]}" for _, _, command in COMMANDS)
     for name in {*LOADED, *ours, *(entry.module for entry in ADDED.entries())}:
         import_module(name)
+    warm_up()
     gc.freeze()
-    listener = socket.socket(socket.AF_UNIX)
-    listener.bind(address)
-    listener.listen(64)
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
     while True:
         ready, _, _ = select.select([listener, sys.stdin], [], [])
         _forget_ended()
@@ -69,6 +73,31 @@ def serve(address: str) -> None:
         if os.fork() == 0:
             os._exit(_answer(listener, connection))
         connection.close()
+
+
+def warm_up() -> None:
+    """Compute what a process computes once, so that forks need not: parser, hashes of code, templates, validators."""
+    from foresee_dsl.campaign import keys, stages
+    from foresee_dsl.campaign.records import Record, decode
+    from foresee_dsl.files import data_folder, templates
+    from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_dsl.report.page.html import page_style, page_templates
+
+    load_test_cases([data_folder("scenarios") / "scenario7.foresee"])
+    for step in stages.STEPS:
+        keys.step_code(step.__module__)
+    for driver in ("pdm", "idm"):
+        keys.driver_identity(driver)
+    keys.ranker_identity("foresee", "pdm")
+    keys.views_identity()
+    keys.views_identity.cache_clear()  # a fork may have more packages on its path
+    for kind in get_args(Record):
+        with contextlib.suppress(ValueError):
+            decode(zlib.compress(b"null"), kind)
+    page_style()
+    for environment in (page_templates(), templates("draw"), templates("draw", markup=False)):
+        for name in environment.list_templates(extensions=["j2"]):
+            environment.get_template(name)
 
 
 def _forget_ended() -> None:
@@ -111,6 +140,10 @@ def _run(request: dict[str, Any], files: list[int]) -> int:
         if request.get("code"):
             sys.argv = ["-c", *request["words"]]
             exec(request["code"], {"__name__": "__main__"})
+        elif request.get("kind") == "pytest":
+            sys.argv = ["pytest", *request["words"]]
+            sys.path.insert(0, str(Path.cwd()))  # as `python -m pytest` does
+            code = pytest.console_main()
         else:
             _command(request)
     except SystemExit as ended:

@@ -135,8 +135,13 @@ def finished(file: Path | list[Path], out: Path, settings: CampaignSettings = SE
 
     The store is copied to `out`, so tests share no file.
     """
-    shutil.copytree(_shared_store(), out / "store")
+    copy_runs(out)
     return campaign(file, out, settings)[0]
+
+
+def copy_runs(out: Path) -> None:
+    """Give a campaign its store in an empty folder, with the runs of the small campaign: it runs only what is new."""
+    shutil.copytree(_shared_store(), out / "store")
 
 
 def _shared_store() -> Path:

@@ -21,9 +21,10 @@ from lark.lexer import PatternStr
 from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from foresee_dsl import disk_cache
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.values import NAME_PATTERN
-from foresee_dsl.language.syntax.grammar import parse_tree, parser
+from foresee_dsl.language.syntax.grammar import grammar_text, parse_tree, parser
 from foresee_dsl.language.syntax.nodes import ANY_NAME, RESERVED
 from foresee_dsl.language.traversal import walk
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
@@ -146,7 +147,12 @@ def _reserved() -> frozenset[str]:
     ]
     forms += [f"when {{0}} {condition} {{{{ a starts }}}}" for condition in conditions]
     forms += ["when time > 1 s {{ b keeps 1 m {0} of a }}", "expect never a within 3 m of beside b {0} 1 m"]
-    return frozenset(word for word in KEYWORDS if not all(_parses(form.format(word)) for form in forms))
+    file = disk_cache.entry("reserved", (grammar_text(), *forms))  # 8 s of CPU time for each worker
+    words: frozenset[str] | None = disk_cache.load(file)
+    if words is None:
+        words = frozenset(word for word in KEYWORDS if not all(_parses(form.format(word)) for form in forms))
+        disk_cache.store(file, words)
+    return words
 
 
 def _parses(statement: str) -> bool:

@@ -125,7 +125,7 @@ class _Scanner:
         self._text = text
         self._lines = lines
         self._trusting = trust_indentation
-        self._open_blocks: list[Diagnostic] = []
+        self._open_blocks: list[Raw] = []
         self._stack = [_Frame(Raw(0, 0), -1)]  # the file itself
         self._current: Raw | None = None
         self._after_brace = False
@@ -258,20 +258,25 @@ class _Scanner:
         raw.close = at
         self.balanced = False
         self._end()
-        name = self._text[raw.start : raw.end].split(" ", maxsplit=1)[0].rstrip(":")[:40]
-        place = self._lines.span(raw.start, raw.open + 1)
-        message = f"the block of `{name}` is not closed"
-        self._open_blocks.append(Diagnostic.of("FS007", message, close_block("add a `}` where it ends"), span=place))
+        self._open_blocks.append(raw)
 
     def _few_of_the_unclosed(self) -> None:
         """Report the outermost unclosed blocks one by one, and the number of the others."""
-        unclosed = sorted(self._open_blocks, key=lambda error: error.start)
-        self.errors += unclosed[:_SHOWN]
+        unclosed = sorted(self._open_blocks, key=lambda raw: raw.start)
+        for raw in unclosed[:_SHOWN]:
+            name = self._text[raw.start : raw.end].split(" ", maxsplit=1)[0].rstrip(":")[:40]
+            message = f"the block of `{name}` is not closed"
+            help = close_block("add a `}` where it ends")
+            self.errors.append(Diagnostic.of("FS007", message, help, span=self._head(raw)))
         more = len(unclosed) - _SHOWN
         if more > 0:
             what = "1 more block is" if more == 1 else f"{more} more blocks are"
             help = close_block("close the outermost ones first", more)
-            self.errors.append(Diagnostic.of("FS007", f"{what} not closed", help, span=unclosed[_SHOWN].span))
+            self.errors.append(Diagnostic.of("FS007", f"{what} not closed", help, span=self._head(unclosed[_SHOWN])))
+
+    def _head(self, raw: Raw) -> Span:
+        """Return the span of a statement up to its opening brace."""
+        return self._lines.span(raw.start, raw.open + 1)
 
     def _indent(self, at: int) -> int | None:
         """Return the indentation at an offset, in columns; None if other text is before it on its line."""

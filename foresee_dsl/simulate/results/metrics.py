@@ -1,8 +1,4 @@
-"""Measures at one moment: time to collision, time to a place, distance to a junction, time since entering it.
-
-Definitions follow Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational Methods in
-Engineering, 2023), section on TTC. Infinity means "never".
-"""
+"""Measures at one moment: time to a place, distance to a junction, time since entering it. Infinity means "never"."""
 
 from __future__ import annotations
 
@@ -16,8 +12,7 @@ import shapely
 from foresee_dsl.compile.roads.network import RoadNetwork, polygon
 from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Box, Mover, corner_points
-from foresee_dsl.kernels.conditions import time_to_touch
+from foresee_dsl.kernels.boxes import Box, corner_points
 from foresee_dsl.kernels.constants import STANDS_MPS
 
 if TYPE_CHECKING:
@@ -33,19 +28,6 @@ language."""
 INSIDE_CREEPS_MPS = 0.5
 """Assumed approach speed of a vehicle that waits inside a junction, m/s. Ours: it is used only to order such vehicles
 by how far inside they are."""
-
-
-def ttc(a: Mover, b: Mover) -> float:
-    """Return the time (s) until two footprints touch when both keep heading and speed.
-
-    Exact: each of the four directions at right angles to the sides separates the footprints outside one interval of
-    time; they overlap where all four intervals do.
-
-    Returns:
-        0 when they overlap now, infinity when they never will, NaN where a value is NaN.
-    """
-    both = np.array((a, b), dtype=np.float64)
-    return float(time_to_touch(both, both[:, 4:], 0, 1))
 
 
 def eta(distance_m: float, speed_mps: float) -> float:

@@ -17,6 +17,7 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
+from tests.support.command import program
 
 FILE = data_folder("scenarios") / "scenario3.foresee"
 
@@ -48,7 +49,7 @@ def test_fusion_arrives_in_a_plain_case_the_same_in_a_worker() -> None:
     case = load_test_cases([str(FILE)])[0]
     result = run(compile_test_case(case), load_driver("fusion"))
     assert result.verdict is Verdict.PASS, result.reason
-    command = [sys.executable, "-m", "foresee_dsl", "assess", str(FILE), "--first", "1", "--driver", "fusion"]
+    command = [program(), "assess", str(FILE), "--first", "1", "--driver", "fusion"]
     done = subprocess.run([*command, "--jobs", "1", "--json"], capture_output=True, text=True, check=True)
     (found,) = json.loads(done.stdout)["runs"]
     assert (found["case"], found["digest"]) == (case.id, result.trace.digest)

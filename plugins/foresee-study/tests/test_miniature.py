@@ -20,6 +20,7 @@ from foresee_study.measured import Counted
 from foresee_study.report import write_report
 from foresee_study.results import Results
 
+from tests.support.command import program
 from tests.support.goldens import Golden
 
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -43,7 +44,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     began.wait()
     before = _stored(out / "store" / "runs.sqlite")
     assert not (out / "tables").exists()
-    done = subprocess.run([*command, "--json"], check=True, capture_output=True, text=True)
+    done = subprocess.run([program(), *command[1:], "--json"], check=True, capture_output=True, text=True)
     assert _stored(out / "store" / "runs.sqlite") > before
     return out, done.stdout, done.stderr
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from foresee_bridges.route import AHEAD_M, RouteTracker, in_frame
 from foresee_dsl.drivers.protocol import ActorClass, Control, FloatArray, Mission, Observation, SeenActor, VehicleLimits
+from foresee_dsl.language.model_classes import CLASSES
 
 RANGE_M = 80.0
 """Distance that is 1 in the vector, m: the range of the ideal sensors."""
@@ -27,7 +28,7 @@ ROUTE_POINTS = 12
 """Number of points of the route ahead. Ours: they reach 60 m, the way to stop from 90 km/h."""
 ROUTE_STEP_M = 5.0
 """Distance between two points of the route, m. Ours: a right turn of 8 m radius has three."""
-KINDS: tuple[ActorClass, ...] = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle")
+KINDS: tuple[ActorClass, ...] = CLASSES
 COLOURS = ("red", "amber", "green")
 _EGO, _PER_ACTOR = 8 + len(COLOURS), 8 + len(KINDS)
 

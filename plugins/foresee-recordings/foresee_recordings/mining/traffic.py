@@ -186,12 +186,12 @@ def way_of(states: FloatArray) -> DrivenWay:
     return DrivenWay(np.ascontiguousarray(line), along, heading_at_points, along[own] + share * lengths[own])
 
 
-def spaced(xy: FloatArray, step_m: float = WAY_STEP_M) -> IntArray:
-    """Return the indices of points [N, 2] that are at least `step_m` from the one before; the first is among them."""
+def spaced(xy: FloatArray) -> IntArray:
+    """Return the indices of points [N, 2] that are at least `WAY_STEP_M` from the one before, and the first."""
     places: Sequence[tuple[float, float]] = [(float(x), float(y)) for x, y in xy]
     chosen, (x, y) = [0], places[0]
     for k, (px, py) in enumerate(places):
-        if (px - x) * (px - x) + (py - y) * (py - y) >= step_m * step_m:
+        if (px - x) * (px - x) + (py - y) * (py - y) >= WAY_STEP_M * WAY_STEP_M:
             chosen.append(k)
             x, y = px, py
     return np.array(chosen, dtype=np.int64)
