@@ -14,7 +14,7 @@ from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import Quantity, Ref, VehicleModel
 from foresee_dsl.language.parser import parse
 from tests.support.sumo_run import run_sumo
-from tests.support.worlds import four_arms, net_of, q
+from tests.support.worlds import four_arms, model, net_of, q
 
 NEEDED = {
     "car": {"micro", "compact", "hatchback", "sedan", "wagon", "limousine", "suv", "sports", "electric", "pickup"},
@@ -37,10 +37,6 @@ LARGEST_CIRCLE_M = {"car": 13.5, "van": 15.0, "truck": 24.0, "bus": 24.0, "motor
 """Of the front wheels' middle; lorries and buses must turn within 25 m (Directive 96/53/EC, annex I, 1.5)."""
 LARGEST = {"car": (5.5, 2.0, 2.0), "van": (7.0, 2.2, 3.0), "truck": (12.0, 2.55, 4.0), "bus": (13.5, 2.6, 4.0)}
 """Length, width and height; lorries and buses: Directive 96/53/EC, annex I (AASHTO's bus is 4 cm wider)."""
-
-
-def model(name="car.plain", **values):
-    return VehicleModel(name=name, **{"length": q(4.2), "width": q(1.8), **values})
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +99,7 @@ def test_members_of_a_class_differ_in_how_they_move(specs):
     ],
 )
 def test_the_part_of_a_length_that_is_absent_is_what_the_others_leave(given, front_m, wheelbase_m, rear_m):
-    spec = spec_of(model(**{name: q(value) for name, value in given.items()}))
+    spec = spec_of(model(**{name: q(value, "m") for name, value in given.items()}))
     found = (spec.front_overhang_m, spec.wheelbase_m, spec.rear_overhang_m)
     assert found == pytest.approx((front_m, wheelbase_m, rear_m), abs=1e-9)
 
@@ -113,7 +109,7 @@ def test_heights_and_cruise_speeds_take_the_default_of_the_class():
     assert spec_of(model("pedestrian.someone")).cruise_mps == 1.3
     assert spec_of(model("bicycle.some")).cruise_mps == pytest.approx(15 / 3.6)
     assert spec_of(model("bicycle.some", max_speed=q(3, "m/s"))).cruise_mps == 3
-    tall = spec_of(model(height=q("2.1"), cruise_speed=q(30, "km/h")))
+    tall = spec_of(model(height=q(2.1), cruise_speed=q(30, "km/h")))
     assert (tall.height_m, tall.cruise_mps) == (2.1, pytest.approx(30 / 3.6))
 
 
@@ -170,7 +166,7 @@ def test_what_is_given_is_taken_in_si():
         (model("plane.small"), "the class plane is not one of car, van"),
         (model(length=q(0)), "its length must be above zero"),
         (model(width=q(-1)), "its width must be above zero"),
-        (model(wheelbase=q(4), front_overhang=q("0.5")), "longer than the vehicle"),
+        (model(wheelbase=q(4), front_overhang=q(0.5)), "longer than the vehicle"),
         (model(wheelbase=q(3), rear_overhang=q(2)), "rear overhang and wheelbase together are longer"),
         (model(wheelbase=q(3), front_overhang=q(1), rear_overhang=q(1)), "do not make up its length"),
         (model(height=q(0)), "its height must be above zero"),

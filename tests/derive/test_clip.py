@@ -36,11 +36,12 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.simulate.trace import STEER
 from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, TriggerState, add
 from tests.support.handmade_traces import EAST, SOUTH, make_trace, straight, until
-from tests.support.situations import Actor, case_of, crossing, q, risky, walker
+from tests.support.situations import Actor, case_with, crossing, risky, walker
+from tests.support.worlds import q
 
 
 def cut(trace, at_s=11.0, actor="runner", case=None, before_s=5.0, after_s=5.0, fired=()):
-    case = case or case_of()
+    case = case or case_with()
     found = clip(
         case,
         replace(trace, director=record_of(case.scenario, fired)),
@@ -90,7 +91,7 @@ def test_a_clip_says_where_everyone_is_at_its_first_frame():
     found = cut(make_trace(crossing()))
     (window,) = of(found, Window)
     assert (window.start, window.end) == (q("6.00 s"), q("16.00 s"))
-    assert (found.case, found.parent, found.pin) == ("r02", "runs.foresee", pin_of(case_of()))
+    assert (found.case, found.parent, found.pin) == ("r02", "runs.foresee", pin_of(case_with()))
     (ego,) = of(found, Ego)
     # 6 s at 5 m/s, and half of 4 m from the middle to the front bumper.
     assert (ego.state.at.x, ego.state.at.y) == (q("32.000 m"), q("0.000 m"))
@@ -113,7 +114,7 @@ def test_a_frame_outside_the_run_is_refused():
     trace = make_trace(crossing())
     with pytest.raises(ValueError, match="401 frames"):
         clip(
-            case_of(),
+            case_with(),
             trace,
             replace(risky(trace, "runner", 5.0), frame=500),
             before_s=5,
@@ -178,7 +179,7 @@ def test_signals_show_their_stage_and_since_when():
 def test_what_a_trigger_told_is_in_force_and_the_trigger_is_gone():
     meets = Meets(actor="runner", other="ego", junction="j4", gap=q("2.1 s"))
     ignores = Ignores(actor="runner", what="signals", junction="j4")
-    case = case_of(RUNNER, when(meets, ignores))
+    case = case_with(RUNNER, when(meets, ignores))
     found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case)
     assert has(found, "runner", MeetsState) == [MeetsState(other="ego", junction="j4", gap=q("2.1 s"))]
     assert has(found, "runner", IgnoresRule) == [IgnoresRule(what="signals", junction="j4")]
@@ -189,12 +190,12 @@ def test_what_is_over_behind_a_junction_is_not_written():
     runner = replace(crossing()["runner"], lanes=("south_0",) * 40 + (":j4_3_0",) * 40 + ("north_back_0",) * 400)
     ignores = Ignores(actor="runner", what="signals", junction="j4")
     trace = make_trace(crossing(runner=runner))
-    assert has(cut(trace, fired=[(0, 1.0)], case=case_of(RUNNER, when(ignores))), "runner", IgnoresRule) == []
+    assert has(cut(trace, fired=[(0, 1.0)], case=case_with(RUNNER, when(ignores))), "runner", IgnoresRule) == []
 
 
 def test_pending_triggers_stay_with_times_counted_from_the_window():
     stops = Stops(actor="runner")
-    case = case_of(
+    case = case_with(
         RUNNER, when(stops, limit="9 s"), when(stops, limit="3 m", what="distance", actor="ego", other="runner")
     )
     found = cut(make_trace(crossing()), case=case)
@@ -202,7 +203,7 @@ def test_pending_triggers_stay_with_times_counted_from_the_window():
 
 
 def test_a_trigger_that_fires_after_the_window_begins_is_pending():
-    case = case_of(RUNNER, when(Stops(actor="runner"), limit="9 s"))
+    case = case_with(RUNNER, when(Stops(actor="runner"), limit="9 s"))
     found = cut(make_trace(crossing()), fired=[(0, 9.05)], case=case)
     assert len(of(found, When)) == 1
 
@@ -211,13 +212,13 @@ def test_triggers_about_actors_that_are_gone_are_dropped():
     gone = until(straight("car", 10, 50, EAST, 9), 3.0)
     about_gone = when(Stops(actor="runner"), limit="3 m", what="distance", actor="ego", other="gone")
     mixed = when(Stops(actor="gone"), Stops(actor="runner"), limit="9 s")
-    found = cut(make_trace(crossing(gone=gone)), case=case_of(RUNNER, about_gone, mixed))
+    found = cut(make_trace(crossing(gone=gone)), case=case_with(RUNNER, about_gone, mixed))
     (left,) = of(found, When)
     assert left.actions == (Stops(actor="runner"),)
 
 
 def test_an_actor_that_has_started_does_not_wait_for_another_trigger():
-    case = case_of(
+    case = case_with(
         RUNNER, when(Starts(actor="walker")), when(Starts(actor="walker"), Stops(actor="runner"), limit="9 s")
     )
     trace = make_trace(crossing(walker=walker(60, -8, math.pi / 2, 1.4, start_s=2)))
@@ -230,7 +231,7 @@ def test_an_actor_that_has_started_does_not_wait_for_another_trigger():
 )
 def test_a_delay_counts_from_the_trigger(told_s, expected):
     source = Actor(kind="pedestrian", name="walker", model="pedestrian.adult", body=(Delay(time=q("1.5 s")),))
-    case = case_of(RUNNER, source, when(Starts(actor="walker")))
+    case = case_with(RUNNER, source, when(Starts(actor="walker")))
     fired = [] if told_s is None else [(0, told_s)]
     trace = make_trace(crossing(walker=walker(60, -8, math.pi / 2, 1.4, start_s=9)))
     assert [d.time for d in has(cut(trace, case=case, fired=fired), "walker", Delay)] == (
@@ -240,14 +241,14 @@ def test_a_delay_counts_from_the_trigger(told_s, expected):
 
 def test_a_finished_change_of_speed_is_the_new_cruise_speed():
     change = ChangesSpeed(actor="runner", to=q("18 km/h"), over=q("2 s"))
-    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case_of(RUNNER, when(change)))
+    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case_with(RUNNER, when(change)))
     assert has(found, "runner", CruiseSpeed) == [CruiseSpeed(speed=q("18 km/h"))]
     assert of(found, When) == []
 
 
 def test_a_change_of_speed_goes_on_for_what_is_left_of_it():
     change = ChangesSpeed(actor="runner", to=q("18 km/h"), over=q("5 s"))
-    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case_of(RUNNER, when(change)))
+    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case_with(RUNNER, when(change)))
     (resumed,) = of(found, When)
     assert resumed.condition == Comparison(left=Measure(what="time"), op=">=", right=q("0.00 s"))
     assert resumed.actions == (ChangesSpeed(actor="runner", to=q("18 km/h"), over=q("1.00 s")),)
@@ -260,14 +261,14 @@ def test_a_stop_counts_from_when_the_actor_stands(duration, left):
     states[70:, 3] = 0.0
     runner = replace(crossing()["runner"], states=states)
     stops = Stops(actor="runner", duration=q(duration) if duration else None)
-    found = cut(make_trace(crossing(runner=runner)), fired=[(0, 2.0)], case=case_of(RUNNER, when(stops)))
+    found = cut(make_trace(crossing(runner=runner)), fired=[(0, 2.0)], case=case_with(RUNNER, when(stops)))
     expected = [] if left == "over" else [(Stops(actor="runner", duration=q(left) if left else None),)]
     assert [w.actions for w in of(found, When)] == expected
 
 
 def test_a_later_command_replaces_a_meeting():
     meets = Meets(actor="runner", other="ego", junction="j4", gap=q("2.1 s"))
-    case = case_of(RUNNER, when(meets), when(Stops(actor="runner")))
+    case = case_with(RUNNER, when(meets), when(Stops(actor="runner")))
     found = cut(make_trace(crossing()), fired=[(0, 2.0), (1, 4.0)], case=case)
     assert has(found, "runner", MeetsState) == []
     assert [w.actions for w in of(found, When)] == [(Stops(actor="runner"),)]
@@ -276,7 +277,7 @@ def test_a_later_command_replaces_a_meeting():
 @pytest.mark.parametrize(("lane", "count"), [("south_0", 1), ("south_1", 0)])
 def test_a_change_of_lane_that_is_not_done_is_asked_for_again(lane, count):
     runner = replace(crossing()["runner"], lanes=("south_0",) * 80 + (lane,) * 400)
-    case = case_of(RUNNER, when(ChangesLane(actor="runner", side="left")))
+    case = case_with(RUNNER, when(ChangesLane(actor="runner", side="left")))
     assert len(of(cut(make_trace(crossing(runner=runner)), fired=[(0, 2.0)], case=case), When)) == count
 
 
@@ -287,7 +288,7 @@ def test_what_the_author_gave_an_actor_goes_on():
         Steers(value=q("0.1"), start=q("5.5 s"), duration=q("1 s")),
         IgnoresRule(what="priority"),
     )
-    found = cut(make_trace(crossing()), case=case_of(RUNNER.model_copy(update={"body": body})))
+    found = cut(make_trace(crossing()), case=case_with(RUNNER.model_copy(update={"body": body})))
     kept = actor(found, "runner")
     assert kept.state.speed == q("5.000 m/s")  # 4 m/s driven: `timing 0.8` scales what a file says
     assert has(found, "runner", CruiseSpeed) == [body[0]]
@@ -298,12 +299,12 @@ def test_what_the_author_gave_an_actor_goes_on():
 
 def test_steering_that_is_over_is_not_written():
     body = (Steers(value=q("0.1"), start=q("1 s"), duration=q("1 s")),)
-    found = cut(make_trace(crossing()), case=case_of(RUNNER.model_copy(update={"body": body})))
+    found = cut(make_trace(crossing()), case=case_with(RUNNER.model_copy(update={"body": body})))
     assert has(found, "runner", Steers) == []
 
 
 def test_a_scenario_without_cases_gives_a_clip_without_case():
-    assert cut(make_trace(crossing()), case=case_of(case="")).case is None
+    assert cut(make_trace(crossing()), case=case_with(case="")).case is None
 
 
 def test_a_point_without_actor_names_none():

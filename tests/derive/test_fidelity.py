@@ -7,7 +7,7 @@ from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.clipping.fidelity import deviation, share_within, with_fidelity
 from foresee_dsl.language.model import Fidelity, Quantity
 from tests.support.handmade_traces import EAST, make_trace, straight, until
-from tests.support.situations import case_of, crossing, risky
+from tests.support.situations import case_with, crossing, risky
 
 
 def window(trace, first, last):
@@ -70,7 +70,7 @@ def test_a_run_without_an_actor_of_the_window_is_refused():
 
 
 def test_fidelity_is_written_once_in_centimetres():
-    cut = clip(case_of(), PARENT, risky(PARENT, "runner", 11), before_s=5, after_s=5, name="x", parent="runs.foresee")
+    cut = clip(case_with(), PARENT, risky(PARENT, "runner", 11), before_s=5, after_s=5, name="x", parent="runs.foresee")
     found = deviation(PARENT, 100, moved(window(PARENT, 100, 301), 1, 0.126, 50))
     for _ in range(2):
         cut = with_fidelity(cut, found)

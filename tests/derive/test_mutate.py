@@ -18,12 +18,13 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2
 from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straight
-from tests.support.situations import MODELS, case_of, crossing, q, risky, walker
+from tests.support.situations import MODELS, case_with, crossing, risky, walker
+from tests.support.worlds import q
 
 
 def cut(trace, actor, at_s):
     point = risky(trace, actor, at_s)
-    return clip(case_of(), trace, point, before_s=5, after_s=5, name="runs_p1", parent="runs.foresee")
+    return clip(case_with(), trace, point, before_s=5, after_s=5, name="runs_p1", parent="runs.foresee")
 
 
 def children(tracks, *, actor="runner", at_s=5.0, **options):
@@ -33,13 +34,13 @@ def children(tracks, *, actor="runner", at_s=5.0, **options):
         trace, **{n: getattr(trace, n)[:201] for n in ("time_s", "states", "lanes", "along", "stages", "elapsed")}
     )
     found = clip(
-        case_of(), trace, risky(trace, actor, at_s), before_s=5, after_s=5, name="runs_p1", parent="runs.foresee"
+        case_with(), trace, risky(trace, actor, at_s), before_s=5, after_s=5, name="runs_p1", parent="runs.foresee"
     )
-    case = expand_clip(found, case_of(), source=case_of().source)
+    case = expand_clip(found, case_with(), source=case_with().source)
     made = mutate(case, found, trace, **options)
     for mutant in made:
         assert parse(print_model(mutant), "m.foresee").model == mutant
-        expand_mutant(mutant, case, source=case_of().source)  # checks every WAS and NOW
+        expand_mutant(mutant, case, source=case_with().source)  # checks every WAS and NOW
     return made
 
 
@@ -72,16 +73,16 @@ def test_children_are_named_pinned_and_say_where_they_come_from():
 def test_the_pin_is_that_of_the_clip():
     trace = make_trace(near())
     found = clip(
-        case_of(), trace, risky(trace, "runner", 5.0), before_s=5, after_s=5, name="runs_p1", parent="runs.foresee"
+        case_with(), trace, risky(trace, "runner", 5.0), before_s=5, after_s=5, name="runs_p1", parent="runs.foresee"
     )
-    case = expand_clip(found, case_of(), source=case_of().source)
+    case = expand_clip(found, case_with(), source=case_with().source)
     assert {m.pin for m in mutate(case, found, trace)} == {pin_of(case)}
 
 
 def mutator_of(tracks):
     trace = make_trace(tracks)
     found = cut(trace, "runner", 5.0)
-    return Mutator(expand_clip(found, case_of(), source=case_of().source), found, trace)
+    return Mutator(expand_clip(found, case_with(), source=case_with().source), found, trace)
 
 
 def test_a_child_near_another_changes_the_same_by_a_little():
@@ -369,7 +370,7 @@ def test_recipes_that_are_whole_leave_no_halves_of_others():
 @pytest.mark.parametrize("at_s", [3.0, 5.0, 6.5])
 def test_the_risky_point_is_where_the_clip_says(at_s):
     trace = make_trace(near())
-    found = clip(case_of(), trace, risky(trace, "runner", at_s), before_s=2, after_s=3, name="p1", parent="r.foresee")
+    found = clip(case_with(), trace, risky(trace, "runner", at_s), before_s=2, after_s=3, name="p1", parent="r.foresee")
     run = replace(
         trace, **{n: getattr(trace, n)[:101] for n in ("time_s", "states", "lanes", "along", "stages", "elapsed")}
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 import re
-from decimal import Decimal
 from itertools import takewhile
 
 import pytest
@@ -20,21 +19,17 @@ from foresee_dsl.language.model import (
     Named,
     Not,
     Predicate,
-    Quantity,
     Sustained,
     Within,
 )
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.simulate.triggers.record import HoldingTime
+from tests.support.worlds import q
 
 FRAMES = 50
 SINCE = re.compile(r" since -?[0-9.]+ s")
 Lights = dict[str, list[bool]]
-
-
-def q(value: float, unit: str) -> Quantity:
-    return Quantity(value=Decimal(str(round(value, 3))), unit=unit)
 
 
 def fast(actor: str) -> Comparison:
@@ -42,7 +37,7 @@ def fast(actor: str) -> Comparison:
 
 
 def lasts(condition: Condition, frames: int) -> Sustained:
-    return Sustained(condition=condition, duration=q(frames * 0.05, "s"))
+    return Sustained(condition=condition, duration=q(round(frames * 0.05, 3), "s"))
 
 
 Row = list[bool | None]
@@ -153,7 +148,7 @@ def any_condition(rng: random.Random, depth: int) -> Condition:
         return rng.choice([A, B])
     if lot < 0.55:
         found = lasts(any_condition(rng, depth - 1), rng.randint(0, 12))
-        since = q(-0.05 * rng.randint(0, 15), "s") if rng.random() < 0.2 else None
+        since = q(round(-0.05 * rng.randint(0, 15), 3), "s") if rng.random() < 0.2 else None
         return found.model_copy(update={"since": since})
     if lot < 0.7:
         return Not(condition=any_condition(rng, depth - 1))

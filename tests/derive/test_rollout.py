@@ -7,7 +7,8 @@ from foresee_dsl.derive.operators import predicted_gap_m
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight
-from tests.support.situations import MODELS, q, walker
+from tests.support.situations import MODELS, walker
+from tests.support.worlds import q
 
 SPECS = {name: spec_of(model) for name, model in MODELS.items()}
 # The ego drives east at 5 m/s; the other crosses x = 50 northward and is on the ego's way after 12 s, 2 s too late.

@@ -23,7 +23,8 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.project.concretise import cases, concretise
 from foresee_dsl.language.project.document import Document
-from tests.support.meaning_examples import SCENARIO, q
+from tests.support.meaning_examples import SCENARIO
+from tests.support.worlds import q
 
 
 def refs(value: object) -> list[Ref]:

@@ -29,7 +29,8 @@ from foresee_dsl.language.model import (
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant, expanded_model
-from tests.support.meaning_examples import SCENARIO, case_of, change, clip_of, model, mutant_of, q
+from tests.support.meaning_examples import SCENARIO, change, clip_of, example_case, mutant_of
+from tests.support.worlds import model, q
 
 
 def lines(a: Definition, b: Definition) -> list[str]:
@@ -122,7 +123,7 @@ def test_networks() -> None:
 
 def test_catalogues() -> None:
     one = Catalogue(name="a", body=(model("car.sedan"), model("car.compact")))
-    other = Catalogue(name="a", body=(model("car.sedan", "5 m"),))
+    other = Catalogue(name="a", body=(model("car.sedan", q("5 m")),))
     assert lines(one, other) == ["model car.sedan.length: 4.2 m => 5 m (+0.8 m)", "removed model car.compact { ... }"]
 
 
@@ -133,7 +134,7 @@ def test_mutants_by_their_change_lines() -> None:
 
 
 def test_a_mutant_against_its_clip() -> None:
-    parent = case_of(concretise(SCENARIO, "r02"))
+    parent = example_case(concretise(SCENARIO, "r02"))
     clip = expand_clip(clip_of(parent.meaning), parent, source=Path("c.foresee"))
     changes = (change("runner.model", "car.compact", "car.sports"), change("runner.timing", "1", "0.8"))
     mutant = expand_mutant(mutant_of(*changes), clip, source=Path("m.foresee"))

@@ -40,16 +40,15 @@ from tests.support.meaning_examples import (
     MODELS,
     NETWORK,
     SCENARIO,
-    case_of,
     change,
     clip_of,
+    example_case,
     mutant_of,
-    point,
-    q,
     state,
 )
+from tests.support.worlds import point, q
 
-PARENT = case_of(concretise(SCENARIO, "r02"))
+PARENT = example_case(concretise(SCENARIO, "r02"))
 CLIP = clip_of(PARENT.meaning)
 CHILDREN = Path("/project/out/children")
 

@@ -30,7 +30,8 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.expand import expand_clip
-from tests.support.meaning_examples import MODELS, NETWORK, SCENARIO, case_of, clip_of, model, point, q
+from tests.support.meaning_examples import MODELS, NETWORK, SCENARIO, clip_of, example_case
+from tests.support.worlds import model, point, q
 
 CONCRETE = concretise(SCENARIO, "r01")
 
@@ -149,7 +150,7 @@ def test_of_a_foreign_network_the_bytes_count(tmp_path: Path) -> None:
 
 def test_only_models_that_are_named_count() -> None:
     assert models_named(CONCRETE) == {"car.sedan", "car.compact", "pedestrian.adult", "van.delivery"}
-    longer = {name: model(name, "9 m") for name in MODELS}
+    longer = {name: model(name, q("9 m"), source="ours") for name in MODELS}
     unused = MODELS | {"car.sports": longer["car.sports"]}
     assert meaning_hash(CONCRETE, NETWORK, unused) == hashed()
     for name in models_named(CONCRETE):
@@ -162,7 +163,7 @@ def test_the_source_of_a_model_does_not_count() -> None:
 
 
 def test_a_clips_pin() -> None:
-    parent = case_of(CONCRETE)
+    parent = example_case(CONCRETE)
     clip = clip_of(parent.meaning)
     pin = clip_pin(clip, parent.meaning)
     silent = tuple(item for item in clip.body if not isinstance(item, Risk | Fidelity))

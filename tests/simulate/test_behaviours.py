@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from foresee_dsl.language.model import (
     Measure,
     Meets,
     MeetsState,
-    Quantity,
     Starts,
     Stops,
     When,
@@ -27,13 +25,10 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y
 from tests.support.scenes import Cruise, LaneKeeper, Town
+from tests.support.worlds import q
 
 NORTH = ("n10_n11", "n11_n12", "n12_n13")
 EAST = ("n01_n11", "n11_n21", "n21_n31")
-
-
-def q(value: float, unit: str) -> Quantity:
-    return Quantity(value=Decimal(str(value)), unit=unit)
 
 
 def after(seconds: float, *actions) -> When:  # type: ignore[no-untyped-def]  # actions of any kind

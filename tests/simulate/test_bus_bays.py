@@ -14,10 +14,9 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story import tell
+from tests.support.worlds import written_case
 
 FILE = Path(__file__).parents[1] / "derive" / "following" / "bay.foresee"
 TEXT = FILE.read_text()
@@ -36,19 +35,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("bays")
 
 
-def case_of(folder: Path, text: str) -> TestCase:
-    (file := folder / "bay.foresee").write_text(text)
-    return load_test_case(str(file))
-
-
 @lru_cache
 def compiled(folder: Path, text: str) -> SumoBundle:
-    return compile_test_case(case_of(folder, text))
+    return compile_test_case(written_case(folder / "bay.foresee", text))
 
 
 @lru_cache
 def driven(folder: Path, text: str) -> Trace:
-    return run_test_case(case_of(folder, text), "idm", 0).trace
+    return run_test_case(written_case(folder / "bay.foresee", text), "idm", 0).trace
 
 
 def states(trace: Trace, actor: str) -> np.ndarray:
@@ -129,7 +123,7 @@ def test_a_bus_that_does_not_stop_there_drives_past(folder: Path) -> None:
 
 
 def test_the_story_names_the_bus_that_hid_a_child(folder: Path) -> None:
-    story = tell(driven(folder, HIDDEN), case_of(folder, HIDDEN))
+    story = tell(driven(folder, HIDDEN), written_case(folder / "bay.foresee", HIDDEN))
     assert story.sentence.startswith("'kid' (pedestrian) steps onto the road from behind 'local' (bus)")
     assert any("kid" in m.text and "hidden by 'local' (bus)" in m.text for m in story.moments)
     assert not any("market_" in m.text or "church_" in m.text for m in story.moments)
@@ -160,7 +154,7 @@ def test_a_bus_on_another_lane_comes_to_the_one_beside_the_bay_in_time(folder: P
 def test_what_a_bay_is_not_for_is_a_mistake(folder: Path, old: str, new: str, message: str, help: str) -> None:
     assert old in TEXT
     with pytest.raises(InputError) as found:
-        compile_test_case(case_of(folder, TEXT.replace(old, new)))
+        compile_test_case(written_case(folder / "bay.foresee", TEXT.replace(old, new)))
     assert message in str(found.value) and help in str(found.value)
 
 
@@ -170,7 +164,7 @@ def test_background_traffic_cannot_stop_in_a_bay(folder: Path) -> None:
     )
     text = TEXT.replace("  when time", traffic + "  when time").replace("    liner stops", "    others_01 stops")
     with pytest.raises(InputError, match="others_01 cannot stop in the bay of market"):
-        compile_test_case(case_of(folder, text))
+        compile_test_case(written_case(folder / "bay.foresee", text))
 
 
 def test_a_parked_car_may_stand_in_a_bay(folder: Path) -> None:

@@ -17,11 +17,12 @@ from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.model import Change, CruiseSpeed, Mutant
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
-from foresee_dsl.language.project.loading import bundled_models, load_test_case
+from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X
 from tests.support.scenes import Cruise
+from tests.support.worlds import written_case
 
 NETWORK = """foresee 1
 
@@ -55,9 +56,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def case_of(folder: Path, actors: str) -> TestCase:
-    (folder / "moves.foresee").write_text(SCENARIO % actors)
-    return load_test_case(str(folder / "moves.foresee"))
+def case_with(folder: Path, actors: str) -> TestCase:
+    return written_case(folder / "moves.foresee", SCENARIO % actors)
 
 
 def drive(case: TestCase) -> Trace:
@@ -93,7 +93,7 @@ STANDS = "vehicle npc: %s { route [main]; start at 100 m along main; start speed
 @pytest.mark.parametrize("name", ["car.sports", "car.sedan", "van.parcel", "truck.three_axle", "motorcycle.moped"])
 def test_sumo_speeds_up_as_the_model_can(folder: Path, name: str) -> None:
     spec = SPECS[name]
-    trace = drive(case_of(folder, STANDS % name))
+    trace = drive(case_with(folder, STANDS % name))
     takes_s = first_over(trace, "npc", 30 / 3.6) - first_over(trace, "npc", 0.5)
     assert takes_s == pytest.approx((30 / 3.6 - 0.5) / spec.acceleration_mps2, abs=0.1)
     assert np.nanmax(speeds(trace, "npc")) == pytest.approx(45 / 3.6, abs=1e-3)
@@ -120,7 +120,7 @@ def test_sumo_brakes_as_the_model_does_in_comfort_and_in_need(folder: Path, name
     in_need_m = SPECS["van.delivery"].length_m + 2.0 + room_m  # SUMO's minGap
     found = []
     for ahead_m in (150.0, in_need_m):
-        trace = drive(case_of(folder, BRAKES % (name, 100.0 + ahead_m)))
+        trace = drive(case_with(folder, BRAKES % (name, 100.0 + ahead_m)))
         speed = speeds(trace, "npc")
         assert np.nanmin(speed) < 0.2
         apart_m = trace.states[:, trace.index("queue"), X] - trace.states[:, trace.index("npc"), X]
@@ -136,7 +136,7 @@ def test_sumo_brakes_as_the_model_does_in_comfort_and_in_need(folder: Path, name
 
 def test_a_car_that_becomes_a_bus_needs_longer_by_the_ratio_of_their_accelerations(folder: Path) -> None:
     actor = "vehicle npc: car.sedan { route [main]; start at 100 m along main; delay 2 s; speed 50 km/h }"
-    case = case_of(folder, actor)
+    case = case_with(folder, actor)
     parent = drive(case)
     child = drive(swapped(case, parent, "npc", "car.sedan", "bus.city", at_s=1.0))
     took = [first_over(t, "npc", 30 / 3.6) - first_over(t, "npc", 0.5) for t in (parent, child)]
@@ -146,7 +146,7 @@ def test_a_car_that_becomes_a_bus_needs_longer_by_the_ratio_of_their_acceleratio
 
 def test_nobody_is_faster_than_the_model_that_it_was_swapped_for(folder: Path) -> None:
     route = "route [main]; start at 100 m along main; start speed 40 km/h; speed 60 km/h"
-    case = case_of(folder, f"vehicle npc: motorcycle.street {{ {route} }}")
+    case = case_with(folder, f"vehicle npc: motorcycle.street {{ {route} }}")
     child_case = swapped(case, drive(case), "npc", "motorcycle.street", "motorcycle.moped", at_s=0.1)
     child = drive(child_case)
     assert np.nanmax(speeds(child, "npc")) == pytest.approx(45 / 3.6, abs=1e-3)
@@ -159,7 +159,7 @@ def test_who_is_told_to_drive_faster_than_it_can_drives_what_it_can(folder: Path
         "  pedestrian walker: pedestrian.elderly {\n path [(50 m, -6 m), (150 m, -6 m)]\n}\n"
         "  when time > 1 s {\n npc changes speed to 60 km/h over 2 s\n walker changes speed to 4 m/s over 1 s\n}"
     )
-    trace = drive(case_of(folder, lines))
+    trace = drive(case_with(folder, lines))
     assert np.nanmax(speeds(trace, "npc")) == pytest.approx(45 / 3.6, abs=1e-3)
     assert np.nanmax(speeds(trace, "walker")) == pytest.approx(1.8)
 
@@ -179,7 +179,7 @@ WALKS = "pedestrian npc: %s { path [(50 m, -6 m), (150 m, -6 m)]%s }"
 def test_people_walk_at_the_pace_of_who_they_have_become(
     folder: Path, was: str, said: str, now: str, pace_mps: float
 ) -> None:
-    case = case_of(folder, WALKS % (was, said))
+    case = case_with(folder, WALKS % (was, said))
     parent = drive(case)
     child = drive(swapped(case, parent, "npc", was, now))
     assert speeds(child, "npc")[0] == pytest.approx(speeds(parent, "npc")[40], abs=1e-4)
@@ -188,7 +188,7 @@ def test_people_walk_at_the_pace_of_who_they_have_become(
 
 @pytest.mark.parametrize("way", ["route [main]; start at 100 m along main", "path [(50 m, -2 m), (450 m, -2 m)]"])
 def test_bicycles_ride_at_the_pace_of_their_model_in_lanes_and_on_paths(folder: Path, way: str) -> None:
-    case = case_of(folder, f"bicycle npc: bicycle.city {{ {way} }}")
+    case = case_with(folder, f"bicycle npc: bicycle.city {{ {way} }}")
     parent = drive(case)
     assert speeds(parent, "npc")[60:] == pytest.approx(15 / 3.6, abs=1e-3)
     found = {}
@@ -205,13 +205,14 @@ def test_bicycles_ride_at_the_pace_of_their_model_in_lanes_and_on_paths(folder: 
 
 def test_a_pace_that_an_author_says_in_a_scenario_stays_when_the_case_has_another_model(folder: Path) -> None:
     found = [
-        drive(case_of(folder, WALKS % (name, "; speed 1.5 m/s"))) for name in ("pedestrian.adult", "pedestrian.elderly")
+        drive(case_with(folder, WALKS % (name, "; speed 1.5 m/s")))
+        for name in ("pedestrian.adult", "pedestrian.elderly")
     ]
     assert [speeds(t, "npc")[-1] for t in found] == pytest.approx([1.5, 1.5])
 
 
 def test_a_swap_for_the_same_pace_leaves_the_speed_line_as_it_was(folder: Path) -> None:
-    case = case_of(folder, STANDS % "car.sedan")
+    case = case_with(folder, STANDS % "car.sedan")
     trace = drive(case)
     before = swapped(case, trace, "npc", "car.sedan", "car.wagon").scenario.actors[1]
     (cruise,) = (item for item in before.body if isinstance(item, CruiseSpeed))

@@ -22,9 +22,9 @@ from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
-from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X, Y
+from tests.support.worlds import written_case
 
 QUEUE = """foresee 1
 
@@ -78,18 +78,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("passing")
 
 
-def case_of(folder: Path, text: str) -> TestCase:
-    (file := folder / "queue.foresee").write_text(text)
-    return load_test_case(str(file))
-
-
 def drive(case: TestCase) -> Trace:
     return run(compile_test_case(case), IdmDriver()).trace
 
 
 @lru_cache
 def driven(folder: Path, text: str) -> Trace:
-    return drive(case_of(folder, text))
+    return drive(written_case(folder / "queue.foresee", text))
 
 
 def states(trace: Trace, actor: str) -> np.ndarray:
@@ -126,7 +121,7 @@ def test_other_vehicles_keep_the_middle_of_their_lane(folder: Path, other: str) 
 
 @pytest.mark.parametrize("begins_s", [0.5, 1.0, 9.0, 11.0, 13.0])
 def test_a_clip_cut_while_it_goes_aside_or_passes_goes_on_as_its_parent(folder: Path, begins_s: float) -> None:
-    case, parent = case_of(folder, QUEUE), driven(folder, QUEUE)
+    case, parent = written_case(folder / "queue.foresee", QUEUE), driven(folder, QUEUE)
     point_s = begins_s + 2.0
     point = RiskyPoint(1, parent.frame_at(point_s), point_s, "", "none", float("nan"), float("nan"), 0.0, "a test")
     cut = clip(case, parent, point, before_s=2, after_s=4, name="p1", parent="queue.foresee")
@@ -139,7 +134,7 @@ def test_a_clip_cut_while_it_goes_aside_or_passes_goes_on_as_its_parent(folder: 
 
 
 def test_a_mutant_of_it_runs_alike_each_time(folder: Path) -> None:
-    case, parent = case_of(folder, QUEUE), driven(folder, QUEUE)
+    case, parent = written_case(folder / "queue.foresee", QUEUE), driven(folder, QUEUE)
     point = RiskyPoint(1, parent.frame_at(11.0), 11.0, "", "none", float("nan"), float("nan"), 0.0, "a test")
     cut = clip(case, parent, point, before_s=2, after_s=4, name="p1", parent="queue.foresee")
     clip_case = expand_clip(cut, case, source=folder / "p1.foresee")
@@ -166,7 +161,7 @@ print(json.dumps({name: (v.getPosition(name)[0], v.getLateralLanePosition(name))
 
 
 def test_the_cyclist_passes_in_sumo_without_us_too(folder: Path) -> None:
-    config, *_ = write_sumo_folder(compile_test_case(case_of(folder, QUEUE)), folder / "sumo")
+    config, *_ = write_sumo_folder(compile_test_case(written_case(folder / "queue.foresee", QUEUE)), folder / "sumo")
     done = subprocess.run([sys.executable, "-c", IN_SUMO, str(config)], capture_output=True, text=True, check=True)
     places = json.loads(done.stdout.splitlines()[-1])
     assert places["cyclist"][0] > places["ego"][0] - 2.0
@@ -175,7 +170,7 @@ def test_the_cyclist_passes_in_sumo_without_us_too(folder: Path) -> None:
 
 
 def test_nothing_changes_in_sumos_files_without_it(folder: Path) -> None:
-    bundle = compile_test_case(case_of(folder, WITHOUT))
+    bundle = compile_test_case(written_case(folder / "queue.foresee", WITHOUT))
     config, *files = write_sumo_folder(bundle, folder / "plain")
     text = "".join(file.read_text() for file in (config, *files, bundle.types_file))
     assert "lateral" not in text

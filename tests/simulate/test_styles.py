@@ -23,6 +23,7 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, Y
+from tests.support.worlds import written_case
 
 SIDE_ROAD = """foresee 1
 
@@ -60,9 +61,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("styles")
 
 
-def case_of(folder: Path, style: str) -> TestCase:
-    (file := folder / f"side_road_{style}.foresee").write_text(styled(style))
-    return load_test_case(str(file))
+def styled_case(folder: Path, style: str) -> TestCase:
+    return written_case(folder / f"side_road_{style}.foresee", styled(style))
 
 
 def styled(style: str) -> str:
@@ -76,7 +76,7 @@ def drive(case: TestCase) -> RunResult:
 
 @lru_cache
 def driven(folder: Path, style: str) -> RunResult:
-    return drive(case_of(folder, style))
+    return drive(styled_case(folder, style))
 
 
 def other(folder: Path, style: str) -> np.ndarray:
@@ -121,7 +121,7 @@ def test_who_creeps_gains_speed_slowly(folder: Path) -> None:
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("begins_s", [2.0, 4.0, 8.0, 11.0])
 def test_a_clip_goes_on_as_its_parent(folder: Path, style: str, begins_s: float) -> None:
-    case, parent = case_of(folder, style), driven(folder, style).trace
+    case, parent = styled_case(folder, style), driven(folder, style).trace
     point_s = begins_s + 2.0
     point = RiskyPoint(1, parent.frame_at(point_s), point_s, "", "none", float("nan"), float("nan"), 0.0, "a test")
     cut = clip(case, parent, point, before_s=2, after_s=4, name="p1", parent=f"side_road_{style}.foresee")
@@ -134,7 +134,7 @@ def test_a_clip_goes_on_as_its_parent(folder: Path, style: str, begins_s: float)
 
 
 def test_a_mutant_changes_the_style_and_later_runs_do_not_see_it(folder: Path) -> None:
-    case, parent = case_of(folder, USUAL), driven(folder, USUAL).trace
+    case, parent = styled_case(folder, USUAL), driven(folder, USUAL).trace
     point = RiskyPoint(1, parent.frame_at(3.0), 3.0, "", "none", float("nan"), float("nan"), 0.0, "a test")
     cut = clip(case, parent, point, before_s=3, after_s=6, name="p1", parent=f"side_road_{USUAL}.foresee")
     clip_case = expand_clip(cut, case, source=folder / "p1.foresee")

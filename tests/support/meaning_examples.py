@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from decimal import Decimal
 from pathlib import Path
 
 from foresee_dsl.language.meaning import meaning_hash
@@ -28,9 +27,7 @@ from foresee_dsl.language.model import (
     Mutant,
     Network,
     Param,
-    Point,
     Predicate,
-    Quantity,
     Ref,
     Risk,
     Road,
@@ -40,30 +37,15 @@ from foresee_dsl.language.model import (
     State,
     Tags,
     Traffic,
-    VehicleModel,
     Weather,
     When,
     Window,
 )
 from foresee_dsl.language.project.document import TestCase
-
-
-def q(text: str) -> Quantity:
-    """`50 km/h` as a quantity."""
-    number, _, unit = text.partition(" ")
-    return Quantity(value=Decimal(number), unit=unit)
-
-
-def point(x: str, y: str) -> Point:
-    return Point(x=q(f"{x} m"), y=q(f"{y} m"))
-
-
-def model(name: str, length: str = "4.2 m") -> VehicleModel:
-    return VehicleModel(name=name, length=q(length), width=q("1.8 m"), source="ours")
-
+from tests.support.worlds import case_from, model, point, q
 
 NAMES = ("car.compact", "car.sedan", "car.sports", "van.delivery", "pedestrian.adult", "bicycle.city")
-MODELS = {name: model(name) for name in NAMES}
+MODELS = {name: model(name, source="ours") for name in NAMES}
 
 NETWORK = Network(
     name="crossing",
@@ -124,16 +106,9 @@ SCENARIO = Scenario(
 )
 
 
-def case_of(scenario: Scenario, network: Network | Path = NETWORK, folder: Path = Path("/project")) -> TestCase:
-    """A test case made in memory."""
-    return TestCase(
-        id=f"{scenario.name}.foresee",
-        scenario=scenario,
-        network=network,
-        models=MODELS,
-        meaning=meaning_hash(scenario, network, MODELS),
-        source=folder / f"{scenario.name}.foresee",
-    )
+def example_case(scenario: Scenario, network: Network | Path = NETWORK, folder: Path = Path("/project")) -> TestCase:
+    """The test case of a scenario with the models of the examples."""
+    return case_from(scenario, network, MODELS, folder=folder, meaning=meaning_hash(scenario, network, MODELS))
 
 
 def state(x: str, speed: str) -> State:

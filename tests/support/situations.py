@@ -3,53 +3,38 @@
 from __future__ import annotations
 
 import math
-from decimal import Decimal
-from pathlib import Path
 
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.model import Actor, Ego, Network, Quantity, Scenario, VehicleModel
+from foresee_dsl.language.model import Actor, Ego, Network, Scenario
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
-
-
-def q(text: str) -> Quantity:
-    """`12.4 s` as a quantity."""
-    number, _, unit = text.partition(" ")
-    return Quantity(value=Decimal(number), unit=unit)
-
-
-def model(name: str, length: str, width: str, max_speed: str = "50 m/s") -> VehicleModel:
-    return VehicleModel(name=name, length=q(f"{length} m"), width=q(f"{width} m"), max_speed=q(max_speed))
-
+from tests.support.worlds import case_from, model, q
 
 MODELS = {
     m.name: m
     for m in (
-        model("car.compact", "4", "1.8"),
-        model("car.long", "5.5", "1.9"),
-        model("car.slow", "4", "1.8", "3 m/s"),
-        model("van.delivery", "6", "2"),
-        model("bicycle.city", "1.8", "0.6", "8 m/s"),
-        model("bicycle.racing", "1.7", "0.5", "14 m/s"),
-        model("pedestrian.adult", "0.5", "0.5", "3 m/s"),
-        model("pedestrian.child", "0.3", "0.4", "3 m/s"),
-        model("obstacle.barrier", "2", "0.5"),
+        model(name, q(length_m), q(width_m), max_speed=q(fastest_mps, "m/s"))
+        for name, length_m, width_m, fastest_mps in (
+            ("car.compact", 4, 1.8, 50),
+            ("car.long", 5.5, 1.9, 50),
+            ("car.slow", 4, 1.8, 3),
+            ("van.delivery", 6, 2, 50),
+            ("bicycle.city", 1.8, 0.6, 8),
+            ("bicycle.racing", 1.7, 0.5, 14),
+            ("pedestrian.adult", 0.5, 0.5, 3),
+            ("pedestrian.child", 0.3, 0.4, 3),
+            ("obstacle.barrier", 2, 0.5, 50),
+        )
     )
 }
 
 
-def case_of(*items: object, case: str = "r02") -> TestCase:
+def case_with(*items: object, case: str = "r02") -> TestCase:
     """Return a concrete scenario with these items; an ego is added if there is none."""
     body = items if any(isinstance(i, Ego) for i in items) else (Ego(model="car.compact"), *items)
-    return TestCase(
-        id=f"runs.foresee::{case}" if case else "runs.foresee",
-        scenario=Scenario(name="runs", body=body),
-        network=Network(name="here", body=()),
-        models=MODELS,
-        meaning="sha256:0123456789ab",
-        source=Path("runs.foresee"),
-    )
+    scenario, network = Scenario(name="runs", body=body), Network(name="here", body=())
+    return case_from(scenario, network, MODELS, case=case, meaning="sha256:0123456789ab")
 
 
 def risky(trace: Trace, actor: str, time_s: float) -> RiskyPoint:
@@ -77,4 +62,4 @@ def walker(
     return Track(kind, track.states, path=((x, y), end), cruise_mps=speed)
 
 
-__all__ = ["EAST", "MODELS", "NORTH", "WEST", "Actor", "case_of", "crossing", "make_trace", "q", "risky", "walker"]
+__all__ = ["EAST", "MODELS", "NORTH", "WEST", "Actor", "case_with", "crossing", "make_trace", "risky", "walker"]

@@ -22,20 +22,30 @@ from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.errors import Message
 from foresee_dsl.helps import Help
-from foresee_dsl.language.model import Junction, Network, Point, Quantity, Road, Stage
+from foresee_dsl.language.model import Junction, Network, Point, Quantity, Road, Stage, VehicleModel
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import PlacementError, TestCase
-from foresee_dsl.language.project.loading import bundled_models
+from foresee_dsl.language.project.loading import bundled_models, load_test_case
 
 _UNITS = {"speed": "km/h", "lanes": "", "back": ""}
 
 
-def q(value, unit="m"):
-    return Quantity(value=Decimal(str(value)), unit=unit)
+def q(value, unit=None):
+    """A quantity: `q("50 km/h")`, `q(50, "km/h")`; a number without a unit is in metres, a text has none."""
+    number, _, written = str(value).partition(" ")
+    if unit is None:
+        unit = written if isinstance(value, str) else "m"
+    return Quantity(value=Decimal(number), unit=unit)
 
 
 def point(x, y):
-    return Point(x=q(x), y=q(y))
+    """The point at these metres, numbers or texts."""
+    return Point(x=q(x, "m"), y=q(y, "m"))
+
+
+def model(name="car.plain", length=None, width=None, **values):
+    """A model of a catalogue; `values`: its other properties."""
+    return VehicleModel(name=name, length=length or q("4.2 m"), width=width or q("1.8 m"), **values)
 
 
 def stage(name, seconds, *green):
@@ -175,22 +185,35 @@ def read_signals(net, network):
     return signals_of(root, topology_of(root), network)
 
 
-# ---- test cases as text ---------------------------------------------------------------------------------------------
+# ---- test cases ---------------------------------------------------------------------------------------------
 
 EGO = "ego: car.sedan {\n route from south straight over j4\n start at 30 m along south\n}\n"
 
 
-def case_of(text, network=PLAIN):
-    document = parse(f"foresee 1\n\nscenario small {{\n{text}\n}}\n", "small.foresee")
+def case_from(scenario, network, models, *, folder=Path(), case="", meaning="sha256:000000000000", document=None):
+    """The test case of a scenario in memory; `case`: the name of its case."""
+    file = f"{scenario.name}.foresee"
     return TestCase(
-        id="small.foresee",
-        scenario=document.model,
+        id=f"{file}::{case}" if case else file,
+        scenario=scenario,
         network=network,
-        models=bundled_models(),
-        meaning="sha256:000000000000",
-        source=Path("small.foresee"),
+        models=models,
+        meaning=meaning,
+        source=folder / file,
         document=document,
     )
+
+
+def case_of(text, network=PLAIN):
+    """The test case of the statements of a scenario."""
+    document = parse(f"foresee 1\n\nscenario small {{\n{text}\n}}\n", "small.foresee")
+    return case_from(document.model, network, bundled_models(), document=document)
+
+
+def written_case(file, text):
+    """The test case of a file's text, which is written."""
+    file.write_text(text)
+    return load_test_case(str(file))
 
 
 def scene_of(text, network=PLAIN):

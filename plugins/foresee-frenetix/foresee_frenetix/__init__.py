@@ -46,11 +46,11 @@ class FrenetixDriver(BundledDriver["Stack"]):
         except ImportError as err:
             raise DriverUnavailableError(f"{MISSING} ({err})" if "No module" not in str(err) else MISSING) from err
 
-    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
-        """Forget everything and start a new mission; the seed is not used."""
-        from foresee_frenetix.stack import Stack
+    def begin(self, mission: Mission, vehicle: VehicleLimits) -> Stack:
+        """Return the state at the beginning of a mission."""
+        from foresee_frenetix.stack import Stack  # imported here: its library is imported only to drive
 
-        self._state = Stack(mission, vehicle, memory_of(*self._ideal))
+        return Stack(mission, vehicle, memory_of(*self._ideal))
 
     @property
     def stack(self) -> Stack:

@@ -6,12 +6,12 @@ networks are imported only at a learned driver's first `reset`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, VehicleLimits
-from foresee_dsl.errors import DriverError, DriverUnavailableError
+from foresee_dsl.drivers.protocol import Mission, VehicleLimits
+from foresee_dsl.drivers.stepped import SteppedDriver
+from foresee_dsl.errors import DriverUnavailableError
 
 if TYPE_CHECKING:
     from foresee_learned.decisions import Decisions
@@ -22,16 +22,14 @@ HANDOVER_S = 1.0
 to 1.0 s ago (`inputs.PAST_S`)."""
 
 
-class _LearnedDriver:
+class _LearnedDriver(SteppedDriver["Decisions"]):
     """A driver with a network and a controller that turns the network's answers into pedals.
 
     `seed` has no effect; the same observations after the same `reset` give the same answers.
     """
 
-    name: str
     version = "1"
     handover_s = HANDOVER_S
-    _state: Decisions | None = None
 
     def __init__(self) -> None:
         self._weights = self._packaged_weights()
@@ -60,39 +58,14 @@ class _LearnedDriver:
             )
         return find_weights(cls.name)
 
-    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
-        """Forget everything and start a new mission; the seed is not used."""
-        self._state = self._begin(mission, vehicle)
-
-    def step(self, observation: Observation) -> Control:
-        """Answer one observation.
-
-        Raises:
-            DriverError: `reset` was not called.
-        """
-        return self.state.step(observation)
-
-    def explain(self) -> Sequence[Reason]:
-        """Return the reasons for the last decision, the strongest first; they are computed in this call."""
-        return self.state.explain()
-
-    @property
-    def state(self) -> Decisions:
-        """Return the driver's memory since `reset`."""
-        if self._state is None:
-            raise DriverError(f"the driver {self.name} was stepped before reset")
-        return self._state
-
-    def _begin(self, mission: Mission, vehicle: VehicleLimits) -> Decisions:
-        raise NotImplementedError
-
 
 class FusionDriver(_LearnedDriver):
     """Learned: a network's waypoints and target speed from two pictures, PID control (the role of TransFuser)."""
 
     name = "fusion"
 
-    def _begin(self, mission: Mission, vehicle: VehicleLimits) -> Decisions:
+    def begin(self, mission: Mission, vehicle: VehicleLimits) -> Decisions:
+        """Return the state at the beginning of a mission."""
         from foresee_learned.fusion import FusionState
         from foresee_learned.session import network_of
 
@@ -104,7 +77,8 @@ class FusionSafeDriver(_LearnedDriver):
 
     name = "fusion_safe"
 
-    def _begin(self, mission: Mission, vehicle: VehicleLimits) -> Decisions:
+    def begin(self, mission: Mission, vehicle: VehicleLimits) -> Decisions:
+        """Return the state at the beginning of a mission."""
         from foresee_learned.fusion_safe import FusionSafeState
         from foresee_learned.session import network_of
 

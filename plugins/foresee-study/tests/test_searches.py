@@ -38,7 +38,7 @@ from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 from tests.support.command import program
-from tests.support.situations import case_of, crossing, make_trace, risky
+from tests.support.situations import case_with, crossing, make_trace, risky
 from tests.support.small_campaign import Heard, InThisProcess, write_project
 
 WANTED = StudyCampaign("bundled", "idm", "av_fuzzer", 6.0, 0, 3, "focused", risky_points=1000, children=0, against=(),
@@ -131,7 +131,7 @@ def test_mutants_are_run_once_and_change_what_the_operators_allow(store: Path, d
 
 def situation() -> Situation:
     """A clip in which an actor crosses the ego's way."""
-    trace, case = make_trace(crossing()), case_of()
+    trace, case = make_trace(crossing()), case_with()
     cut = clip(case, trace, risky(trace, "runner", 5.0), before_s=5, after_s=5, name="runs_p1", parent="runs.foresee")
     return Mutator(expand_clip(cut, case, source=case.source), cut, trace).situation
 

@@ -1,6 +1,6 @@
 """Compares the allocations of mutants: failures, findings and avoidable findings of equal campaigns.
 
-    python benchmarks/allocations.py --half odd --driver pdm --ranker foresee --seed 0 --out out/allocations
+    python plugins/foresee-study/evaluation/allocations.py --half odd --driver pdm --ranker foresee --seed 0
 
 The campaigns share a store, so test cases, clips and equal mutants are run once. A simulated hour is one of clips and
 mutants, the repeated runs of the second level included; findings are those of mutants. The figures of
@@ -30,7 +30,7 @@ from foresee_dsl.drivers.registry import handover_of, load_driver
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.story import ContactClass
 
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
 ALLOCATIONS: tuple[Allocation, ...] = ("even", "adaptive", "stories")
 AGAINST = ("idm", "pdm+ideal")
 """Reference drivers. Ours: those that take least time."""
