@@ -17,7 +17,7 @@ from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.language import model as m
 from foresee_exchange.naming import number, quantity
 from foresee_exchange.openscenario.reading.actions import from_the_start, speed_changes
-from foresee_exchange.openscenario.reading.conditions import Way
+from foresee_exchange.openscenario.reading.conditions import RemainingWay
 from foresee_exchange.openscenario.reading.entities import Entity, EntityState
 from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, point_of
@@ -71,7 +71,7 @@ class ActorBuilder:
     network: RoadNetwork
     places: Places
     losses: Losses
-    ways: dict[str, Way] = field(default_factory=dict)
+    ways: dict[str, RemainingWay] = field(default_factory=dict)
     lane_keepers: Set[str] = frozenset()
     lane_changers: Set[str] = frozenset()
     beginnings: Mapping[str, tuple[Pose, float]] = field(default_factory=dict)
@@ -315,11 +315,11 @@ class ActorBuilder:
         along = tracks.nearest(self.network, front, lane_kind(entity.spec))
         begin = along.pos_m if along is not None and along.lane.edge == edges[0] else 0.0
         length = sum(self.network.edges[e].drivable[0].length_m for e in edges) - begin
-        self.ways[entity.name] = Way(length)
+        self.ways[entity.name] = RemainingWay(length)
 
     def _walks(self, entity: Entity, path: list[XY]) -> None:
         length = sum(math.dist(a, b) for a, b in itertools.pairwise(path))
-        self.ways[entity.name] = Way(length, tuple(path))
+        self.ways[entity.name] = RemainingWay(length, tuple(path))
 
 
 def trajectory_of(source: Source, routing: Element) -> Element | None:

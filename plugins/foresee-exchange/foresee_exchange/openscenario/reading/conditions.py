@@ -69,7 +69,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Way:
+class RemainingWay:
     """The remaining way of an actor from its start: length, m, and the points of a path (empty for a route)."""
 
     length_m: float
@@ -89,7 +89,7 @@ class ConditionReader:
     entities: Mapping[str, Entity]
     places: Places
     losses: Losses
-    ways: Mapping[str, Way] = field(default_factory=dict)
+    ways: Mapping[str, RemainingWay] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)
     changing: Set[str] = frozenset()
     beginnings: Mapping[str, Beginning] = field(default_factory=dict)
