@@ -173,7 +173,9 @@ def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of
 
 def _not_none(kind: Any) -> Any:  # noqa: ANN401 - a type of any kind
     """Return the type of the values of `kind` that are not None."""
-    return Union[tuple(part for part in get_args(kind) if part is not types.NoneType) or (kind,)]  # noqa: UP007
+    if get_origin(kind) not in (Union, types.UnionType):
+        return kind
+    return Union[tuple(part for part in get_args(kind) if part is not types.NoneType)]  # noqa: UP007
 
 
 def read_record(kind: type[Record], data: Mapping[str, Any]) -> Record:

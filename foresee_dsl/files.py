@@ -25,6 +25,11 @@ _SHORT = 12
 _PACKAGE = Path(__file__).resolve().parent
 
 
+def absolute(path: Path) -> Path:
+    """Return an absolute, normalised path; symbolic links stay as they are."""
+    return Path(os.path.abspath(path))  # noqa: PTH100  (Path.absolute keeps `..`, Path.resolve follows links)
+
+
 def data_folder(name: str) -> Path:
     """Return the folder `name` ("grammars", "templates" or "scenarios") of this installation.
 

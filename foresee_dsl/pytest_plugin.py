@@ -144,7 +144,8 @@ def _traces(item: ForeseeItem) -> Path:
     named = _option(item.config, "traces")
     if named:
         return item.config.invocation_params.dir / named
-    # The folder of the fixture `tmp_path_factory`; an item that is not a function cannot use fixtures.
+    # The fixture `tmp_path_factory` returns this object, but pytest has no public way to it for items that are not
+    # functions (seen in 9.2). A folder of our own would escape pytest's `--basetemp` and the removal of old folders.
     factory: pytest.TempPathFactory = item.config._tmp_path_factory  # type: ignore[attr-defined]
     return factory.getbasetemp() / "foresee"
 

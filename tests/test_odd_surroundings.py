@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.drivers import registry
 from foresee_dsl.errors import DriverError
+from foresee_dsl.language.project.loading import load_test_case
 from tests.support.command import program
 
 FORESEE = Path(sys.executable).parent / "foresee"
@@ -87,3 +90,6 @@ def test_hundreds_of_actors_in_one_place_are_few_messages(tmp_path: Path) -> Non
     found = [d for d in json.loads(done.stdout)["diagnostics"] if d["severity"] == "error"]
     assert done.returncode == 1 and len(found) == 21, found[:3]
     assert found[-1]["message"].startswith("at least 10,000 more errors of this kind: the last is that v")
+    mistakes = placement_mistakes([load_test_case(str(tmp_path / "x.foresee"))])
+    assert [len(d.names) for d in mistakes] == [1] * 21, "code finds the actor, whatever the words are"
+    assert all(re.fullmatch(r"v\d+", name) for d in mistakes for name in d.names)

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.foresight import horizon_s, onset, priority_ways
-from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.replay import RecordedPath
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import FloatArray
@@ -49,7 +49,7 @@ ASIDE_M = 0.3
 
 
 @dataclass(frozen=True)
-class Comparison:
+class RunComparison:
     """The comparison of a passing run with a failing one.
 
     Attributes:
@@ -66,11 +66,11 @@ class Comparison:
     late_s: float = 0.0
 
 
-NOT_COMPARED = Comparison()
+NOT_COMPARED = RunComparison()
 """In place of a comparison if there is nothing to compare."""
 
 
-def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> Comparison:
+def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSettings = STANDARD) -> RunComparison:
     """Return whether the driver of a passing run avoided the failure of another run, and by which reaction.
 
     Args:
@@ -80,9 +80,9 @@ def compared(failed: Trace, passed: Trace, bundle: SumoBundle, sensors: SensorSe
     """
     impact = contact_of(failed)
     if impact is None:
-        return Comparison(("drives on",))  # without another actor every driver meets the same situation
+        return RunComparison(("drives on",))  # without another actor every driver meets the same situation
     if impact.with_ not in {info.id for info in passed.actors}:
-        return Comparison(apart=f"{impact.with_} is not there")
+        return RunComparison(apart=f"{impact.with_} is not there")
     return _Compared(failed, passed, bundle, impact.with_, sensors).result()
 
 
@@ -94,25 +94,25 @@ class _Compared:
         self._end = failed.frames - 1
         self._path = RecordedPath(failed)
 
-    def result(self) -> Comparison:
+    def result(self) -> RunComparison:
         other = self._failed.index(self._name)
         if self._stands(other):
             meets = self._comes_there() or self._brakes_for(other)
-            return Comparison(self._past(0)) if meets else Comparison(apart="it takes another way")
+            return RunComparison(self._past(0)) if meets else RunComparison(apart="it takes another way")
         onset_frame = self._onset_frame(other)
         if onset_frame is None:
-            return Comparison(apart="the conflict could not be foreseen before the contact")
+            return RunComparison(apart="the conflict could not be foreseen before the contact")
         if apart := self._apart(other, onset_frame):
-            return Comparison(apart=apart)
+            return RunComparison(apart=apart)
         late_s = self._late_s(onset_frame)
         if abs(late_s) > SAME_TIME_S:
             when = f"{abs(late_s):.1f} s {'later' if late_s > 0 else 'earlier'}"
-            return Comparison(apart=f"it would come there {when} in any case", late_s=late_s)
+            return RunComparison(apart=f"it would come there {when} in any case", late_s=late_s)
         earlier_s = self._passes_earlier_s()
         if earlier_s > EARLIER_S:
-            return Comparison(apart=f"it passes the place {earlier_s:.1f} s earlier", late_s=-earlier_s)
+            return RunComparison(apart=f"it passes the place {earlier_s:.1f} s earlier", late_s=-earlier_s)
         how = self._past(onset_frame)
-        return Comparison(how) if how else Comparison(apart="it drives nearly the same way", met=True)
+        return RunComparison(how) if how else RunComparison(apart="it drives nearly the same way", met=True)
 
     def _stands(self, other: int) -> bool:
         recent = self._failed.states[max(0, self._end - round(1 / STEP_S)) :, other, SPEED]
@@ -169,7 +169,7 @@ class _Compared:
     def _onset_frame(self, other: int) -> int | None:
         """Return the first frame of the failing run at which these sensors show the conflict; None if they never do."""
         failed, bundle = self._failed, self._bundle
-        way = Way(failed, bundle.scene.ego.line)
+        way = ExtendedPath(failed, bundle.scene.ego.line)
         seen_s = onset(failed, way, other, sight_of(failed, bundle, self._sensors), priority_ways(mission_of(bundle)))
         return None if seen_s is None else round(seen_s / STEP_S)
 

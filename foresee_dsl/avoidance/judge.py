@@ -65,9 +65,9 @@ class Judge(Protocol[Answered_co]):
         """Return the judgement; this may run the simulation."""
 
 
-SAME_TIME_S = 0.1
+REPLAYED_WITHIN_S = 0.1
 """Largest difference in time between the contact and the contact in a replay without braking, s. Ours: two steps."""
-SAME_PLACE_M = 0.1
+REPLAYED_WITHIN_M = 0.1
 """Largest distance between the places of the ego at the contact and at the contact in a replay without braking, m.
 Ours: the tolerance of a clip's fidelity.
 """
@@ -123,7 +123,7 @@ class Failure:
             return f"{again}{replay.reason}"
         late = abs(replay.time_s - result.time_s)
         off = math.dist(replay.trace.states[-1, 0, [X, Y]], result.trace.states[-1, 0, [X, Y]])
-        if late > SAME_TIME_S or off > SAME_PLACE_M:
+        if late > REPLAYED_WITHIN_S or off > REPLAYED_WITHIN_M:
             return f"{again}the contact is {late:.2f} s and {off:.2f} m off"
         return ""
 

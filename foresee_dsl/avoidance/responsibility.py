@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import Self
 
 from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.judge import Opinion
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability
 from foresee_dsl.avoidance.r157.risk import REACTION_S
@@ -128,6 +129,9 @@ def _rules(
         yield Responsibility(
             Whose.ARGUABLE, f"an anticipating driver avoids it: {ahead.answer.removeprefix('preventable ')}"
         )
+    for opinion in judgements:
+        if isinstance(opinion, Opinion) and opinion.avoids:
+            yield Responsibility(Whose.ARGUABLE, f"{opinion.name} avoids it: {opinion.answer}")
     yield from _unseen(story)
 
 

@@ -23,7 +23,7 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
-HARD_BRAKING_MPS2 = 3.0
+HARSH_BRAKING_MPS2 = 3.0
 """Braking harder than this is counted, m/s^2: the initial threshold of harsh braking in the naturalistic driving study
 UDRIVE (Jansen and Wesseling, Harsh braking by truck drivers, 6th Humanist Conference, 2018).
 """
@@ -231,7 +231,7 @@ def run_one(address: str, setup: DriverSetup) -> DriverRun:
 
 def hard_brakings(trace: Trace) -> int:
     """Return the number of the ego's brakings over 3 m/s^2; two within half a second count as one."""
-    frames = np.flatnonzero(trace.states[:, 0, ACCELERATION] < -HARD_BRAKING_MPS2)
+    frames = np.flatnonzero(trace.states[:, 0, ACCELERATION] < -HARSH_BRAKING_MPS2)
     return 0 if not len(frames) else 1 + int((np.diff(frames) * STEP_S > APART_S + STEP_S / 2).sum())
 
 

@@ -212,8 +212,13 @@ def case_name(case: TestCase) -> str:
         return case.mutant.name
     if case.clip is not None:
         return case.clip.name
-    name = case.id.partition("::")[2]
-    return f"{case.scenario.name}_{name}" if name else case.scenario.name
+    return case_file_name(case.id, case.scenario.name)
+
+
+def case_file_name(address: str, scenario: str) -> str:
+    """Return the beginning of the names of the files of a scenario's case, from its address."""
+    case = address.partition("::")[2]
+    return f"{scenario}_{case}" if case else scenario
 
 
 def longest_s(case: TestCase) -> float:

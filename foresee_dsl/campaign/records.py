@@ -8,11 +8,12 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple, Self, get_args
+from typing import Any, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import TypeAdapter
 
 from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.judge import Opinion
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
@@ -23,6 +24,8 @@ from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, RunRecord, Verdict
 from foresee_dsl.story import Story
+
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +53,9 @@ class JudgedRun(RunRecord):
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
         judges: dict[str, type[AnyJudgement]] = {"preventability": Preventability, "anticipation": Anticipation}
-        answers = tuple(read_record(kind, data[key]) for key, kind in judges.items() if data.get(key))
-        return {**read_fields(cls, data), "judgements": answers}
+        answers = [read_record(kind, data[key]) for key, kind in judges.items() if data.get(key)]
+        answers += [read_record(Opinion, opinion) for opinion in data.get("opinions", ())]
+        return {**read_fields(cls, data), "judgements": tuple(answers)}
 
     @property
     def breaks_goal(self) -> bool:
@@ -74,6 +78,11 @@ class JudgedRun(RunRecord):
     def anticipation(self) -> Anticipation | None:
         """Return the answer of the anticipating driver; None if the run did not fail."""
         return next((judgement for judgement in self.judgements if isinstance(judgement, Anticipation)), None)
+
+    @property
+    def opinions(self) -> tuple[Opinion, ...]:
+        """Return the answers of the judges that store no figures of their own."""
+        return tuple(judgement for judgement in self.judgements if isinstance(judgement, Opinion))
 
     @property
     def preventable(self) -> Preventable | None:
@@ -122,6 +131,7 @@ class CaseRunOutcome(JudgedRun):
             "near_misses": self.near,
             "preventability": self.preventability,
             "anticipation": self.anticipation,
+            "opinions": where_set(or_null(self.opinions)),
             "references": self.references,
             "story": self.story,
             "notes": self.noted,
@@ -228,6 +238,7 @@ class ChildOutcome(JudgedRun):
             "near_misses": self.near,
             "preventability": self.preventability,
             "anticipation": self.anticipation,
+            "opinions": where_set(or_null(self.opinions)),
             "references": self.references,
             "story": self.story,
             "goal": where_set(self.goal),
@@ -410,10 +421,7 @@ Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | Refe
 
 def encode(record: Record) -> bytes:
     """Return a record in its stored form; floats keep every bit."""
-    plain = _adapter(type(record).__name__).dump_python(record, mode="json")
-    # Level 1, because it packs a clip's 8 kB of text to 2 kB in 0.1 ms; level 6 saves another tenth and takes three
-    # times as long.
-    return zlib.compress(json.dumps(plain, separators=(",", ":")).encode(), 1)
+    return packed(_adapter(type(record).__name__), record)
 
 
 def decode(data: bytes, kind: type[Any]) -> Record:
@@ -422,8 +430,25 @@ def decode(data: bytes, kind: type[Any]) -> Record:
     Raises:
         ValueError: another version of the record's class wrote it, or it is larger than the limit `record` allows.
     """
-    record: Record = _adapter(kind.__name__).validate_json(unpacked_within("record", data))
+    record: Record = unpacked(_adapter(kind.__name__), data)
     return record
+
+
+def packed(adapter: TypeAdapter[R], record: R) -> bytes:
+    """Return a record as compressed JSON; floats keep every bit."""
+    plain = adapter.dump_python(record, mode="json")
+    # Level 1, because it packs a clip's 8 kB of text to 2 kB in 0.1 ms; level 6 saves another tenth and takes three
+    # times as long.
+    return zlib.compress(json.dumps(plain, separators=(",", ":")).encode(), 1)
+
+
+def unpacked(adapter: TypeAdapter[R], data: bytes) -> R:
+    """Return the record of compressed JSON.
+
+    Raises:
+        ValueError: another version of the record's class wrote it, or it is larger than the limit `record` allows.
+    """
+    return adapter.validate_json(unpacked_within("record", data))
 
 
 @cache

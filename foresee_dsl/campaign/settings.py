@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import (
     AROUND_S,
-    CHILDREN,
+    CHILDREN_BOUNDS,
+    DEFAULT_CHILDREN,
     REPEAT,
     RISKY_POINTS,
     RULES_MODE,
@@ -88,7 +89,7 @@ class CampaignSettings:
     before_s: float = field(default=5.0, metadata=option("Seconds of a clip before its risky point.", AROUND_S))
     after_s: float = field(default=5.0, metadata=option("Seconds of a clip after its risky point.", AROUND_S))
     risky_points: int = field(default=4, metadata=option("Maximum number of risky points per run.", RISKY_POINTS))
-    children: int = field(default=4, metadata=option("Number of mutants per clip.", CHILDREN))
+    children: int = field(default=DEFAULT_CHILDREN, metadata=option("Number of mutants per clip.", CHILDREN_BOUNDS))
     seed: int = 0
     fidelity_limit_m: float = field(default=0.75, metadata={OPTION: None})
     handover_s: float = 0.0

@@ -8,13 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
+    BudgetOption,
+    ExecutorOption,
     Flags,
     HelpAllOption,
+    MemoryOption,
     Paths,
     Request,
+    RetryOption,
+    SchedulerOption,
     executor_of,
+    limits_of,
     notes_on,
     of_other_versions,
     requested,
@@ -52,12 +59,8 @@ def campaign(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
-    executor: Annotated[
-        str, typer.Option(help="Where the runs are computed: local (processes on this machine) or dask (a cluster).")
-    ] = "local",
-    scheduler: Annotated[
-        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started on this machine.")
-    ] = "",
+    executor: ExecutorOption = "local",
+    scheduler: SchedulerOption = "",
     dashboard: Annotated[
         str,
         typer.Option(
@@ -67,11 +70,9 @@ def campaign(
     ] = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    memory: Annotated[float, typer.Option(min=100, help="Memory limit of a worker, in MB.")] = 4096,
-    budget: Annotated[float | None, typer.Option(min=0, help="Time in minutes after which no new run begins.")] = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier campaign.")
-    ] = False,
+    memory: MemoryOption = CampaignLimits.memory_mb,
+    budget: BudgetOption = None,
+    retry: RetryOption = False,
     report: Annotated[
         Path | None,
         typer.Option(help="Also save the report to this file, as the ending of its name says: .svg, .html or .txt."),
@@ -104,7 +105,6 @@ def campaign(
 
     from foresee_dsl.campaign.execution.engine import StoredCounts
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.language.project.loading import load_test_cases
@@ -118,9 +118,7 @@ def campaign(
     run_by = executor_of(executor, scheduler, dashboard)
     options = RunOptions(
         jobs=flags.jobs,
-        limits=CampaignLimits(
-            deadline, memory, None if request.budget_min is None else request.budget_min * 60, step_deadline
-        ),
+        limits=limits_of(deadline, memory, request.budget_min, step_deadline),
         shard=shard_of(flags.shard),
         retry=retry,
         executor=run_by if profiler is None else profiler.executor(run_by),

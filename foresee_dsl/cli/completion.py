@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
 from enum import StrEnum
+from io import StringIO
 from typing import Annotated
 
 import typer
@@ -25,17 +27,22 @@ COMP_WORDBREAKS=${COMP_WORDBREAKS//:}
 """
 
 
-def completion(shell: Annotated[Shell, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]) -> None:
+def completion(
+    ctx: typer.Context, shell: Annotated[Shell, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")]
+) -> None:
     """Print a shell's completion script for commands, options, files, drivers and test cases (FILE::CASE).
 
     [dim]foresee completion bash >> ~/.bashrc
     foresee completion zsh >> ~/.zshrc
     foresee completion fish > ~/.config/fish/completions/foresee.fish[/dim]
     """
-    from typer._completion_shared import get_completion_script
+    from typer.completion import get_completion_inspect_parameters, shell_complete
 
-    script = get_completion_script(prog_name="foresee", complete_var=VARIABLE, shell=shell.value)
-    typer.echo((_BASH if shell is Shell.bash else "") + script)
+    get_completion_inspect_parameters()  # registers the shells: `foresee` itself has no `--show-completion`
+    with redirect_stdout(StringIO()) as printed:
+        shell_complete(ctx.find_root().command, {}, "foresee", VARIABLE, f"source_{shell.value}")
+    # typer begins the script with an empty line, but zsh looks for `#compdef` in the first
+    typer.echo((_BASH if shell is Shell.bash else "") + printed.getvalue().strip())
 
 
 def case_addresses(incomplete: str) -> list[str]:

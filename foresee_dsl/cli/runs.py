@@ -12,7 +12,7 @@ from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.common import FailFastOption, FirstOption, OnlyOption, profiling, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
-from foresee_dsl.language.campaign_values import RULES_MODE
+from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN, RULES_MODE
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import CommandReport
 
@@ -279,7 +279,7 @@ def clip(
 def mutate(
     file: Annotated[Path, typer.Argument(metavar="CLIP", help="A clip's file.")],
     preset: common.PresetOption = "focused",
-    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants.")] = 4,
+    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants.")] = DEFAULT_CHILDREN,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
     format_: FormatOption = "text",

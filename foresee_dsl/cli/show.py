@@ -15,6 +15,7 @@ import typer
 
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.common import WIDEST
+from foresee_dsl.language.campaign_values import SEED
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -58,7 +59,7 @@ def show(
     seed: Annotated[
         int | None,
         typer.Option(
-            "--seed", min=0, max=2**31 - 1, help="The seed; by default the one that a mutant records, otherwise 0."
+            "--seed", min=SEED[0], max=SEED[1], help="The seed; by default the one that a mutant records, otherwise 0."
         ),
     ] = None,
     campaign: Annotated[

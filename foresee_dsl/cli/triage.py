@@ -93,7 +93,8 @@ def _check_here(test_case: str, file: Path, campaign: Path) -> None:
     that of another project.
     """
     from foresee_dsl.errors import ForeseeError
-    from foresee_dsl.language.project.addresses import absolute, is_file, is_inside, project_folder
+    from foresee_dsl.files import absolute
+    from foresee_dsl.language.project.addresses import is_file, is_inside, project_folder
 
     source = test_case.partition("::")[0]
     if not is_file(Path(source)):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from foresee_dsl.compile.roads.polyline import XY, Points
 from foresee_dsl.documents import every_field
 from foresee_dsl.language.model import AtStop, Expect, MeetsState, Place, When
+from foresee_dsl.language.model_classes import ModelClass
 
 if TYPE_CHECKING:
     from foresee_dsl.compile.roads.network import RoadNetwork
@@ -57,7 +58,7 @@ STYLES: Mapping[str, DrivingStyle] = MappingProxyType(
 """The styles by the word that a `style` statement has."""
 
 
-ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
+ActorKind = ModelClass
 
 
 @dataclass(frozen=True, slots=True)

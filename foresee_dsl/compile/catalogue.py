@@ -56,6 +56,8 @@ CLASS_DEFAULTS: Mapping[ActorKind, ClassDefaults] = MappingProxyType(
     }
 )
 """Defaults by class: the word before the dot in a model's name."""
+USUAL_HEIGHTS_M: Mapping[str, float] = MappingProxyType({kind: base.height_m for kind, base in CLASS_DEFAULTS.items()})
+"""Height of actors whose model is not at hand, m, by class."""
 
 
 def spec_of(model: VehicleModel) -> ModelSpec:

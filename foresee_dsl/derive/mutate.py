@@ -22,14 +22,13 @@ from foresee_dsl.derive.presets import Preset
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Ego, Mutant, Origin, Quantity, Recorded, Weather
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import Trace
 
-CHILDREN = 4
-"""Default number of mutants per risky point (the paper's c, section 4.4)."""
 UNPROMISING = 0.25
 """Share of its mutants that a clip gets if the preset's search finds no candidate. Ours: one of four by default."""
 _DRAWS = 32
@@ -45,7 +44,7 @@ def mutate(
     trace: Trace,
     *,
     preset: str | Preset = "focused",
-    count: int = CHILDREN,
+    count: int = DEFAULT_CHILDREN,
     seed: int = 0,
     driver: str = "",
     models: Collection[str] | None = None,
@@ -129,7 +128,12 @@ class Mutator:
         return len(self._best(seed, most))
 
     def children(
-        self, count: int = CHILDREN, *, seed: int = 0, driver: str = "", seen: Collection[tuple[Change, ...]] = ()
+        self,
+        count: int = DEFAULT_CHILDREN,
+        *,
+        seed: int = 0,
+        driver: str = "",
+        seen: Collection[tuple[Change, ...]] = (),
     ) -> tuple[Mutant, ...]:
         """Make up to `count` children, none of which has changes that were `seen`."""
         mutants: list[Mutant] = []

@@ -23,11 +23,8 @@ import numpy as np
 from foresee_dsl.drivers.parts import PlannedMotion
 from foresee_dsl.drivers.protocol import EgoState, Trajectory, VehicleLimits
 from foresee_dsl.kernels.bicycle import BRAKE_LAG_S, THROTTLE_LAG_S
-from foresee_dsl.kernels.constants import GRAVITY_MPS2, STANDS_MPS, STEP_S
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, GRAVITY_MPS2, STANDS_MPS, STEP_S
 
-COMFORTABLE_MPS2 = 3.4
-"""Braking after the end of a trajectory, m/s^2: most drivers find it comfortable (AASHTO, A Policy on Geometric Design
-of Highways and Streets, 2018, section 3.2.2)."""
 BEGINS_LATER_S = 0.5
 """Latest beginning of a new trajectory after the current time, s. Ours: a plan for ten steps ahead; a later one is on
 another clock."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from foresee_dsl.drivers.bundled import BundledDriver, Memory
 from foresee_dsl.drivers.parts import DriverPart, PlannedMotion
-from foresee_dsl.drivers.pdm.route import build_route
+from foresee_dsl.drivers.pdm.route import DriverRoute, build_route
 from foresee_dsl.drivers.pdm.situation import RoadSituation, read_situation, signal_braking
 from foresee_dsl.drivers.protocol import Control, FloatArray, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracks
@@ -48,7 +48,7 @@ PREVIEW_S = 0.5
 """The driver takes its desired speed from the place that it reaches after this time, s. Ours: drivetrain and brakes
 respond 0.2 s late.
 """
-SLOWEST_MPS = 0.5
+LEAST_DESIRED_MPS = 0.5
 """Lowest desired speed, m/s. Ours: it avoids a division by zero."""
 
 CORRIDOR_MARGIN_M = 0.3
@@ -79,20 +79,32 @@ anywhere, so it would see no conflict and set off."""
 
 
 class _State:
-    """The state of the driver from one `reset` to the next."""
+    """The state of the driver from one `reset` to the next.
+
+    Attributes:
+        route: the route that it follows.
+        tracker: tracks the other actors.
+    """
+
+    route: DriverRoute
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
-        self._route, self._vehicle = build_route(mission, vehicle), vehicle
-        self._tracker, self._signals = memory.tracker, memory.signals
+        self.follow(build_route(mission, vehicle))
+        self._vehicle = vehicle
+        self.tracker, self._signals = memory.tracker, memory.signals
         self._last: tuple[RoadSituation, Tracks] | None = None
         self._plan: PlannedMotion | None = None
 
+    def follow(self, route: DriverRoute) -> None:
+        """Follow this route from the next step on."""
+        self.route = route
+
     def step(self, observation: Observation) -> Control:
         """Answer an observation: keep the middle of the lane, with the model's acceleration."""
-        tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
+        tracks, signals = self.tracker.update(observation), self._signals.update(observation)
+        situation = read_situation(self.route, self._vehicle, observation, tracks, signals)
         self._last = situation, tracks
-        angle, acceleration = steer(situation.egos, self._route.points, 0.0), _acceleration(situation)
+        angle, acceleration = steer(situation.egos, self.route.points, 0.0), _acceleration(situation)
         self._plan = PlannedMotion(acceleration, angle)
         return Control(*pedals(situation.egos, angle, acceleration))
 
@@ -136,7 +148,7 @@ def _acceleration(situation: RoadSituation) -> float:
     if speed > cfg.SENSED_STANDS_MPS and time_to_collision(others, speed) < EMERGENCY_TTC_S:
         return -ego.strongest
     allowed = float(route.between("profile", ego.s + PREVIEW_S * speed))
-    desired = max(allowed, SLOWEST_MPS)
+    desired = max(allowed, LEAST_DESIRED_MPS)
     # Brake for bends in time: the free term of the IDM has only one desired speed, and would begin to brake in the
     # bend.
     wish = min(free_acceleration(speed, desired), (allowed - speed) / PREVIEW_S)

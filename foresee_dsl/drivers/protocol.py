@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, runtime_checkab
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.language.model_classes import ModelClass
+
 if TYPE_CHECKING:  # only a driver that reads the road map needs its module
     from foresee_dsl.drivers.road_map import RoadMap
 
 FloatArray = NDArray[np.float64]
 
 SignalColour = Literal["red", "amber", "green", "off"]
-ActorClass = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
+ActorClass = ModelClass
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ import numpy as np
 from foresee_dsl.compile.nets.netconvert import run_netconvert
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import distinct
-from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement
+from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement
 from foresee_dsl.errors import DriverError
 from foresee_dsl.files import read_outside_text
 from foresee_dsl.kernels.arrays import FloatArray
@@ -213,11 +213,8 @@ def _signal(movement: Movement | None) -> str | None:
 
 def _neighbour(network: RoadNetwork, lane: Lane, left: int) -> str | None:
     """Return the id of the car lane beside a lane, to its left (1) or right (-1)."""
-    edge: Edge | None = network.edges.get(lane.edge)
-    index = lane.index + network.lanes_to(left)
-    if edge is None or not 0 <= index < len(edge.lanes) or "car" not in edge.lanes[index].kinds:
-        return None
-    return edge.lanes[index].id
+    other = network.lane_beside(lane, left)
+    return other.id if other is not None and "car" in other.kinds else None
 
 
 def _stop_lines(network: RoadNetwork, lanes: Mapping[str, MapLane], route: frozenset[str]) -> list[StopLine]:

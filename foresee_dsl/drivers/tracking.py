@@ -48,8 +48,8 @@ WALKER_TURN_RAD_S = 0.7
 """Turning rate of pedestrians, rad/s. Ours: a quick turn by more than 60 degrees makes the filter start again."""
 SIZE_GAIN = 0.05
 """Smallest gain with which sizes are corrected. Ours: sizes do not change, but the visible part of an object may."""
-SAME_PLACE_M = 1.5
-SAME_PLACE_MPS = 1.5
+SAME_OBJECT_M = 1.5
+SAME_OBJECT_MPS = 1.5
 """An object with a new number is taken for a lost object if its distance from the predicted place of that object is at
 most 1.5 m plus 1.5 m/s times the time since it was lost. Ours: less than the distance between two cars in a queue.
 """
@@ -58,7 +58,7 @@ SAME_SIZE = 0.3
 FADES_S = 0.5
 """Time constant with which acceleration and yaw rate of unseen objects decay, s. Ours."""
 
-SAME_TIME_S = 1e-6
+SAME_FRAME_S = 1e-6
 COLOUR_KEPT_S = 1.0
 """Time for which a colour is used after its last sighting, s. Ours: a third of the shortest amber time (3 s), so that
 no driver relies on a green light that has become red."""
@@ -154,10 +154,10 @@ class Tracker:
         time_s = observation.time_s
         measured_s = time_s if observation.measured_s is None else observation.measured_s
         passed_s = math.inf if self._measured_s is None else measured_s - self._measured_s
-        if passed_s < -SAME_TIME_S:
+        if passed_s < -SAME_FRAME_S:
             self.reset()
             passed_s = math.inf
-        if passed_s <= SAME_TIME_S:
+        if passed_s <= SAME_FRAME_S:
             return self._present(time_s, measured_s)
         self._measured_s = measured_s
         seen, ego = object_table(observation), observation.ego
@@ -244,7 +244,7 @@ class Tracker:
                 continue
             x, y, length = (float(v) for v in self._state[k, [kernel.X, kernel.Y, kernel.LENGTH]])
             away, lost_s = math.hypot(x - new_x, y - new_y), measured_s - float(self._sightings["last_s"][k])
-            near = away < min(SAME_PLACE_M + SAME_PLACE_MPS * lost_s, nearest)
+            near = away < min(SAME_OBJECT_M + SAME_OBJECT_MPS * lost_s, nearest)
             if near and abs(new_length - length) < SAME_SIZE * length:
                 best, nearest = k, away
         return best

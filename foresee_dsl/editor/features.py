@@ -3,9 +3,10 @@ package."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
 from pathlib import Path
+from types import MappingProxyType
 
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.answers.fixes import fixes, with_names_of
@@ -16,7 +17,7 @@ from foresee_dsl.editor.hover import hover as hover_of
 from foresee_dsl.editor.hover import results
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.editor.protocol.rpc import Json, RequestError
-from foresee_dsl.editor.server import TOKEN_TYPES
+from foresee_dsl.editor.protocol.tokens import TOKEN_TYPES
 from foresee_dsl.editor.session import SOURCE, Session, is_file, path_of, with_help
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
 from foresee_dsl.errors import Diagnostic, InputError, Span
@@ -276,3 +277,23 @@ def code_lenses(session: Session, params: Json) -> list[Json]:
         }
         for lens in lenses(path_of(uri), session.text(uri))
     ]
+
+
+ANSWERS: Mapping[str, Callable[[Session, Json], object]] = MappingProxyType(
+    {
+        "textDocument/completion": completion,
+        "textDocument/hover": hover,
+        "textDocument/definition": definition,
+        "textDocument/references": references,
+        "textDocument/prepareRename": prepare_rename,
+        "textDocument/rename": rename,
+        "textDocument/formatting": formatting,
+        "textDocument/documentSymbol": document_symbols,
+        "textDocument/foldingRange": folding_ranges,
+        "textDocument/codeAction": code_actions,
+        "textDocument/semanticTokens/full": semantic_tokens,
+        "textDocument/inlayHint": inlay_hints,
+        "textDocument/codeLens": code_lenses,
+    }
+)
+"""The function that answers each request, by the method of the protocol."""

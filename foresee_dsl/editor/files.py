@@ -11,11 +11,11 @@ from pathlib import Path
 from foresee_dsl.editor.symbols import Occurrence, occurrences
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import data_folder, read_outside_text
+from foresee_dsl.files import absolute, data_folder, read_outside_text
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import MAX_BYTES
-from foresee_dsl.language.project.addresses import absolute, scenario_files
+from foresee_dsl.language.project.addresses import scenario_files
 from foresee_dsl.language.syntax.node import Node
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)

@@ -11,13 +11,14 @@ from foresee_dsl.editor.files import Definition, Files
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError, InputError, Span
+from foresee_dsl.files import absolute
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.addresses import absolute, display_path
+from foresee_dsl.language.project.addresses import display_path
 from foresee_dsl.language.units import UNITS
 
 _RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label", "stage", "stop", "patch", "case")

@@ -4,39 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from foresee_dsl import __version__
 from foresee_dsl.editor.protocol.rpc import LATER, Connection, Handler, Json, RequestError, serve
+from foresee_dsl.editor.protocol.tokens import TOKEN_MODIFIERS, TOKEN_TYPES
 from foresee_dsl.editor.session import Session, path_of
 
 if TYPE_CHECKING:
     from foresee_dsl.editor.protocol.positions import Encoding
 
-TOKEN_TYPES = ("class", "enumMember", "event", "keyword", "number", "parameter", "string", "struct", "type", "variable")
-"""Kinds of semantic tokens, as the protocol names them; a token states its index in this list."""
-TOKEN_MODIFIERS = ("declaration",)
 COMMANDS = ("foresee.run", "foresee.forecast", "foresee.draw")
 """Commands that code lenses call; the editor's extension carries them out."""
 
-_FEATURES = (
-    ("textDocument/completion", "completion"),
-    ("textDocument/hover", "hover"),
-    ("textDocument/definition", "definition"),
-    ("textDocument/references", "references"),
-    ("textDocument/prepareRename", "prepare_rename"),
-    ("textDocument/rename", "rename"),
-    ("textDocument/formatting", "formatting"),
-    ("textDocument/documentSymbol", "document_symbols"),
-    ("textDocument/foldingRange", "folding_ranges"),
-    ("textDocument/codeAction", "code_actions"),
-    ("textDocument/semanticTokens/full", "semantic_tokens"),
-    ("textDocument/inlayHint", "inlay_hints"),
-    ("textDocument/codeLens", "code_lenses"),
+ANSWERED = (
+    "textDocument/completion",
+    "textDocument/hover",
+    "textDocument/definition",
+    "textDocument/references",
+    "textDocument/prepareRename",
+    "textDocument/rename",
+    "textDocument/formatting",
+    "textDocument/documentSymbol",
+    "textDocument/foldingRange",
+    "textDocument/codeAction",
+    "textDocument/semanticTokens/full",
+    "textDocument/inlayHint",
+    "textDocument/codeLens",
 )
-"""Requests, each with its function in `editor.features`, which is imported at the first request, so that errors are
-shown before."""
+"""Requests that a function of `editor.features` answers. That module is imported at the first of them, so that errors
+are shown before."""
 
 
 class Server:
@@ -59,7 +56,7 @@ class Server:
             "workspace/didChangeWorkspaceFolders": self._folders,
             "foresee/draw": self._draw,
             "foresee/page": self._page,
-            **{method: self._feature(name) for method, name in _FEATURES},
+            **{method: self._feature(method) for method in ANSWERED},
         }
         try:
             return serve(self._connection, handlers, lambda: self._session.begun)
@@ -102,11 +99,13 @@ class Server:
 
     # ---- requests -------------------------------------------------------------------------------------------------
 
-    def _feature(self, name: str) -> Handler:
+    def _feature(self, method: str) -> Handler:
         def handle(params: Json) -> object:
             self._session.answering = True
             try:
-                return getattr(import_module("foresee_dsl.editor.features"), name)(self._session, params)
+                from foresee_dsl.editor.features import ANSWERS
+
+                return ANSWERS[method](self._session, params)
             finally:
                 self._session.answering = False
 

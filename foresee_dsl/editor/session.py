@@ -15,15 +15,11 @@ from urllib.request import url2pathname
 
 from foresee_dsl.editor.protocol.rpc import Connection, Json
 from foresee_dsl.errors import Diagnostic
+from foresee_dsl.files import absolute
 
 if TYPE_CHECKING:
     from foresee_dsl.editor.files import Files
     from foresee_dsl.editor.protocol.positions import Encoding, Positions
-
-
-def _absolute(path: Path) -> Path:
-    """Return an absolute, normalised path, like the language's `addresses.absolute`, without importing that."""
-    return Path(os.path.abspath(path))  # noqa: PTH100 - symbolic links stay as they are
 
 
 def is_file(uri: str) -> bool:
@@ -38,7 +34,7 @@ def path_of(uri: str) -> Path:
     parts = urlsplit(uri)
     host = f"//{parts.netloc}" if parts.netloc and parts.netloc != "localhost" else ""
     path = unquote(parts.path) if os.name != "nt" else url2pathname(parts.path)
-    return _absolute(Path(host + path))
+    return absolute(Path(host + path))
 
 
 def _uri_of(path: Path) -> str:
@@ -238,7 +234,7 @@ class Session:
         here = self._places(document.text)
         elsewhere: dict[Path, list[Diagnostic]] = {}
         for diagnostic in diagnostics:
-            file = _absolute(Path(diagnostic.path)) if diagnostic.path else document.path
+            file = absolute(Path(diagnostic.path)) if diagnostic.path else document.path
             if file == document.path:
                 yield diagnostic_json(diagnostic, here.range(diagnostic.span))
             else:
@@ -250,7 +246,7 @@ class Session:
         """Return the diagnostic of another file's errors, at the place where this document names that file."""
         files = self.files(document.uri)
         folder = document.path.parent
-        uses = (o.span for o in files.names(document.path) if o.kind == "file" and _absolute(folder / o.name) == file)
+        uses = (o.span for o in files.names(document.path) if o.kind == "file" and absolute(folder / o.name) == file)
         there = self._places(files.text(file) or "")
         first = next((d for d in diagnostics if d.severity == "error"), diagnostics[0])
         message = f"'{file.name}' has an error: {first.message}"

@@ -38,12 +38,8 @@ def lane_links(network: RoadNetwork) -> dict[str, tuple[tuple[str, ...], tuple[s
 
 
 def beside(network: RoadNetwork, lane: Lane, side: int) -> Lane | None:
-    """Return the lane of the same edge to the left (1) or right (-1), if any."""
-    edge = network.edges.get(lane.edge)
-    index = lane.index + network.lanes_to(side)
-    if edge is None or lane.internal or not 0 <= index < len(edge.lanes):
-        return None
-    return edge.lanes[index]
+    """Return the lane of the same edge to the left (1) or right (-1), if any; None inside junctions."""
+    return None if lane.internal else network.lane_beside(lane, side)
 
 
 def shifted(line: Points, left_m: float) -> FloatArray:

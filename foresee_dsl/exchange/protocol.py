@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Annotated, Any, Protocol, TypeVar, get_type_hints
 
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
+from foresee_dsl.language.campaign_values import SEED
 
 Tell = Callable[[str], None]
 """A function that is called at the beginning of each step that may take long, with a description for the user."""
@@ -78,7 +79,7 @@ RunDriver = Annotated[
 ]
 RunSeed = Annotated[
     int | None,
-    Option("The seed; by default the one that a mutant records, otherwise 0.", least=0, most=2**31 - 1),
+    Option("The seed; by default the one that a mutant records, otherwise 0.", least=SEED[0], most=SEED[1]),
 ]
 """The types of fields `driver` ("" by default) and `seed` (None by default) of an exporter that runs test cases."""
 

@@ -54,7 +54,7 @@ _ID = re.compile(rf'[^"\n\r\\]{{1,{_LONGEST_ID}}}')
 
 
 @dataclass(frozen=True)
-class Way:
+class Drive:
     """A drive of the ego.
 
     Attributes:
@@ -130,7 +130,7 @@ def check_network(network: Topology, where: str) -> None:
 
 def starter(
     ground: Ground, *, name: str, network: str, doc: str, without: Collection[str] = ()
-) -> tuple[m.Scenario, Way]:
+) -> tuple[m.Scenario, Drive]:
     """Return a scenario that runs on a map, and the route of its ego.
 
     Args:
@@ -165,7 +165,7 @@ def _why(roads: RoadNetwork) -> str:
 
 def best_way(
     roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset(), without: Collection[str] = ()
-) -> Way | None:
+) -> Drive | None:
     """Return the route for the ego: over a signal if there is one, from a street, with a turn, of medium length.
 
     It avoids edges that go over or under others (`bridged`) if possible. The same network gives the same route.
@@ -178,9 +178,9 @@ def best_way(
     return None
 
 
-def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> Way | None:
+def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> Drive | None:
     middle = (SHORTEST_M + LONGEST_M) / 2
-    best: tuple[tuple[float, ...], Way] | None = None
+    best: tuple[tuple[float, ...], Drive] | None = None
     for way in itertools.islice(streets.ways(), _MOST_WAYS):
         ahead_m = streets.length_m(way.edges[0]) - way.start_m
         rank = (
@@ -233,7 +233,7 @@ class _Streets:
             }
         return self._onward[edge]
 
-    def ways(self) -> Iterator[Way]:
+    def ways(self) -> Iterator[Drive]:
         """Yield routes of suitable length from every edge, none with an edge twice."""
         for start in sorted(self.lanes):
             open_ways: list[tuple[tuple[str, ...], float]] = [((start,), 0.0)]
@@ -246,7 +246,7 @@ class _Streets:
                     after = (edge for edge in sorted(self.onward(edges[-1])) if edge not in edges)
                     open_ways += [((*edges, edge), after_first_m + self.length_m(edge)) for edge in after]
 
-    def way(self, edges: tuple[str, ...]) -> Way | None:
+    def way(self, edges: tuple[str, ...]) -> Drive | None:
         """Return the drive over edges, with the shortest parts of the first and last edge; None if these are too
         short."""
         first_m, last_m = self.length_m(edges[0]), self.length_m(edges[-1])
@@ -260,7 +260,7 @@ class _Streets:
             start_m, goal_m = max(behind_m, first_m - APPROACH_M), min(last_m - beyond_m, APPROACH_M)
             length_m = first_m - start_m + goal_m + sum(self.length_m(edge) for edge in edges[1:-1])
         movements = [self.onward(a)[b] for a, b in itertools.pairwise(edges)]
-        return Way(
+        return Drive(
             edges=edges,
             start_m=math.floor(start_m),
             goal_m=math.floor(goal_m),
@@ -281,12 +281,12 @@ def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
     return True
 
 
-def _end_s(way: Way) -> float:
+def _end_s(way: Drive) -> float:
     """Return a time limit that suffices to arrive, in s, a multiple of 10."""
     return math.ceil((way.free_s / _SLOW + _WAITING_S * (len(way.signals) + 0.5)) / 10) * 10
 
 
-def _ego(roads: RoadNetwork, way: Way) -> m.Ego:
+def _ego(roads: RoadNetwork, way: Drive) -> m.Ego:
     limit = roads.edges[way.edges[0]].drivable[0].speed_mps
     return m.Ego(
         model="car.sedan",

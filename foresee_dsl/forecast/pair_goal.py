@@ -15,7 +15,7 @@ from foresee_dsl.kernels.conditions import time_to_touch
 from foresee_dsl.language.model import Comparison, Condition, Expect, Measure, Named, Not, Quantity, Within
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import word_of
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS
+from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
 
 PairMeasure = Literal["distance", "ttc", "headway", "relative_speed"]
 """The measures that two footprints and two speeds decide; the others also need the roads or the run so far."""
@@ -98,7 +98,7 @@ class PairGoal:
         if self.measure == "distance":
             return gaps
         if self.measure == "headway":
-            return gaps / np.maximum(ego_mps if self.of_ego else mps, SLOWEST_MPS)
+            return gaps / np.maximum(ego_mps if self.of_ego else mps, ETA_SLOWEST_MPS)
         return _times_to_touch(egos, ego_mps, boxes, mps, gaps)
 
 

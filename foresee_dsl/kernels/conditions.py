@@ -118,7 +118,12 @@ def _mover(states: FloatArray, sizes: FloatArray, k: int) -> Mover:
 
 @compiled(TABLE, ANY_TABLE, INT, INT)
 def time_to_touch(states: FloatArray, sizes: FloatArray, actor: int, other: int) -> float:
-    """Return the time until two actors' footprints touch if both keep heading and speed, s; see `metrics.ttc`.
+    """Return the time until two actors' footprints touch if both keep heading and speed, s (TTC).
+
+    It is 0 if they overlap now, infinite if they never will, and NaN if a value is NaN. Exact: each of the four
+    directions at right angles to the sides separates the footprints outside one interval of time; they overlap where
+    all four intervals do. The definition is that of Westhofen et al., "Criticality Metrics for Automated Driving"
+    (Archives of Computational Methods in Engineering, 2023).
 
     `states`: [A, >=4] x, y, heading, speed. `sizes`: [A, 2] length, width.
     """

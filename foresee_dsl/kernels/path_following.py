@@ -25,7 +25,7 @@ NO_LANE, OFF_ROAD, UNKNOWN = -1, -2, -3
 """Values that stand instead of a lane's number: on the road but not on a lane; off the road; not looked up yet."""
 
 
-class Follower(NamedTuple):
+class ActorOnPath(NamedTuple):
     """An actor on a path.
 
     Attributes:
@@ -87,7 +87,7 @@ class SightRecord(NamedTuple):
     speed: float
 
 
-FOLLOWERS, CELLS, SIGHTS = array_of(Follower), array_of(PathCell), array_of(SightRecord)
+FOLLOWERS, CELLS, SIGHTS = array_of(ActorOnPath), array_of(PathCell), array_of(SightRecord)
 
 
 @inner

@@ -10,7 +10,9 @@ from enum import StrEnum
 AROUND_S = (0.5, 60)
 """Allowed seconds of a clip before and after its risky point, from the shortest to the longest."""
 RISKY_POINTS = (1, 1000)
-CHILDREN = (0, 1000)
+CHILDREN_BOUNDS = (0, 1000)
+DEFAULT_CHILDREN = 4
+"""Number of mutants per clip (the paper's c, in its best configuration: section 4.5, RQ1)."""
 REPEAT = (1, 100_000)
 """Allowed numbers of repetitions. Ours: far above the needs of the study, which had 34,416 runs."""
 SEED = (0, 2**31 - 1)

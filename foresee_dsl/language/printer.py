@@ -216,6 +216,11 @@ def value_text(value: m.ParamValue | m.Ref | m.Expression) -> str:
     return written(value) if isinstance(value, m.Item) else value
 
 
+def quotable(text: str, longest: int | None = None) -> str:
+    """Return a text on one line without double quotes, which can be quoted in a file; cut to `longest` characters."""
+    return " ".join(text.split()).replace('"', "'")[:longest]
+
+
 def listing(texts: Iterable[str]) -> str:
     """Return `[a, b]`."""
     return f"[{', '.join(texts)}]"

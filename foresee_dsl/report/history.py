@@ -12,7 +12,7 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.html import rendered
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.page.tables import Table
-from foresee_dsl.report.verdicts import counted
+from foresee_dsl.report.safe_text import counted
 
 
 def history_table(changes: Sequence[CampaignChange]) -> Table:

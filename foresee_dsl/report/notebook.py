@@ -11,6 +11,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import templates
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.report.drawing.palette import BAD, GOOD
 from foresee_dsl.report.drawing.svg import svg_of
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import FindingEntry
@@ -19,7 +20,7 @@ from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.picture.draw import draw
 from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.report.terminal.tables import near_lines
-from foresee_dsl.simulate.results.verdict import RunResult
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.story import tell
 
 PLAYBACK_PX = 560
@@ -100,7 +101,10 @@ def html_of_run(result: RunResult) -> str:
             strip, sentence = strip_svg(result.trace, case, story), story.sentence
     except ForeseeError:  # as above
         pass
-    return _rendered("run", result=result, near=near_lines(result.near_misses), sentence=sentence, strip=strip)
+    colour = (GOOD if result.verdict is Verdict.PASS else BAD).light
+    return _rendered(
+        "run", result=result, colour=colour, near=near_lines(result.near_misses), sentence=sentence, strip=strip
+    )
 
 
 def _rendered(name: str, **values: object) -> str:

@@ -1,5 +1,5 @@
 """Makes text from files, drivers and traces safe to print, so that it can neither control the terminal nor hide other
-text.
+text; and states numbers of things in words.
 """
 
 from __future__ import annotations
@@ -45,3 +45,8 @@ def shortened(text: object, width: int) -> str:
     """Return a safe text of at most `width` characters, which ends with `…` if it was cut."""
     plain = safe(text)
     return plain if len(plain) <= width else f"{plain[: max(width - 1, 0)]}…"
+
+
+def counted(number: int, noun: str, many: str = "") -> str:
+    """Return `1 file` or `3 files`."""
+    return f"{number} {noun if number == 1 else many or f'{noun}s'}"

@@ -9,17 +9,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rich.text import Text
 
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, UnfiredTrigger, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 
 WHOLE = 100_000
 """Maximum length of a text that must not be cut in practice, characters: a path, or a line that a driver printed."""
-
-
-def counted(number: int, noun: str, many: str = "") -> str:
-    """Return `1 file` or `3 files`."""
-    return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
 def ending(run: RunRecord) -> Text:
@@ -54,7 +49,7 @@ def verdicts_line(runs: Sequence[RunRecord]) -> Text:
         return Text(f"{counted(total, 'test case')} passed", style="bold green")
     counts = Counter(run.verdict for run in failed_runs)
     breaking = counts.pop(Verdict.PASS, 0)
-    hung = sum(is_hang(run.reason) for run in failed_runs)
+    hung = sum(run.exceeded_wall_time for run in failed_runs)
     if total in (counts[Verdict.CRASH], hung):
         often, times = Counter(run.reason for run in failed_runs).most_common(1)[0]
         begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, 'test case')}: "
@@ -70,11 +65,6 @@ def short_crash(reason: str) -> str:
     for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
         reason = reason.removeprefix(begins)
     return reason
-
-
-def is_hang(reason: str) -> bool:
-    """Return whether a run was stopped because it took too much wall time, not because its simulated time ended."""
-    return reason.startswith(("timeout: the driver ", "timeout: the run "))
 
 
 def without_verdict(verdict: Verdict, reason: str) -> str:

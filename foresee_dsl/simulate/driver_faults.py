@@ -12,6 +12,7 @@ from types import FrameType, TracebackType
 from typing import NamedTuple
 
 from foresee_dsl.errors import DriverError
+from foresee_dsl.language.printer import quotable
 from foresee_dsl.simulate.results.verdict import Hang
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -69,7 +70,7 @@ def one_line(err: BaseException) -> str:
         text = str(err)
     except Exception:  # its own __str__ may raise as well
         text = "(its text cannot be read)"
-    return " ".join(text.split()).replace('"', "'")[:LONGEST_REASON]
+    return quotable(text, LONGEST_REASON)
 
 
 def place_of(err: BaseException) -> str:

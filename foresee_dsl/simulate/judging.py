@@ -14,11 +14,12 @@ from foresee_dsl.drivers.protocol import Control, Driver, Observation
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.language.printer import quotable
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, OutcomeJudge, off_road_points, squares_of
+from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, OutcomeJudge, RunEnd, off_road_points, squares_of
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
@@ -58,7 +59,7 @@ class Frame:
     time_s: float
     states: FloatArray = field(init=False)
     observation: Observation = field(init=False)
-    decision: Decision | None = None
+    decision: RunEnd | None = None
     control: Control = field(init=False)
 
 
@@ -118,7 +119,7 @@ class Judging:
             and bool(drives_on(frame.states, *self._around))
         )
 
-    def _of_the_map(self, decision: Decision) -> Decision:
+    def _of_the_map(self, decision: RunEnd) -> RunEnd:
         """Return the decision; if the ego left the road where the map is defective, return an invalid run instead of
         F1.
         """
@@ -135,7 +136,7 @@ class Judging:
         """
         scene = waits_for(self._simulation, self._recorder)
         own = getattr(self._driver, "waits_for", "")
-        own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
+        own = quotable(own, _LONGEST_WORDS) if isinstance(own, str) else ""
         return f"{scene} (the driver: {own})" if own else scene
 
 

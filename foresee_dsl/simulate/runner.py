@@ -27,7 +27,7 @@ from foresee_dsl.simulate.judging import Frame, Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.results.outcome import Decision
+from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.rules.infraction import Infraction
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
@@ -179,7 +179,7 @@ class Run:
         self._judge(frame)
         return frame
 
-    def reset(self) -> Decision | None:
+    def reset(self) -> RunEnd | None:
         """Reset the driver; return the run's end if that fails."""
         try:
             with self._watch.call("reset"):
@@ -254,28 +254,28 @@ class Run:
             left = self._advance(frame.control)
         except SimulationError as err:
             World.close_shared()  # SUMO may be in an undefined state, so the next run starts a new one
-            frame.decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator failed: {err}")
+            frame.decision = RunEnd(Verdict.CRASH, self._simulation.time_s, "", f"the simulator failed: {err}")
             return
         self._steps += 1
         for name in left:
             self._recorder.event(self._simulation.time_s, name, "arrived")
 
-    def _broken(self, err: BaseException) -> Decision:
+    def _broken(self, err: BaseException) -> RunEnd:
         time_s, fault = self._simulation.time_s, fault_of(err)
         self._notes = DriverNotes(traceback=fault.traceback)
         if isinstance(err, DriverHangs):
             self._notes = replace(self._notes, hang=err.hang)
             at = f", at {place}" if (place := place_of(err)) else ""
-            return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: {err.what}{at}; {err.allows} allows more")
+            return RunEnd(Verdict.TIMEOUT, time_s, "", f"timeout: {err.what}{at}; {err.allows} allows more")
         if isinstance(err, DriverLateError):
             starting = self._recorder.frames == 0
             self._notes = replace(self._notes, hang=Hang("reset" if starting else "step", err.deadline_s))
             allows = RESET_VARIABLE if starting else f"--step-deadline or {STEP_VARIABLE}"
             reason = f"timeout: the driver hangs: {one_line(err)}; {allows} allows more"
-            return Decision(Verdict.TIMEOUT, time_s, "", reason)
-        return Decision(Verdict.CRASH, time_s, "", fault.text)
+            return RunEnd(Verdict.TIMEOUT, time_s, "", reason)
+        return RunEnd(Verdict.CRASH, time_s, "", fault.text)
 
-    def finish(self, decision: Decision) -> RunResult:
+    def finish(self, decision: RunEnd) -> RunResult:
         """Return the run's result, with the trace, after the end that a frame or `reset` decided."""
         infractions = self._rules.end(decision) if self._rules is not None else ()
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):
@@ -333,7 +333,7 @@ class Run:
         )
 
 
-def _of_rules(decision: Decision, infractions: tuple[Infraction, ...]) -> Decision:
+def _of_rules(decision: RunEnd, infractions: tuple[Infraction, ...]) -> RunEnd:
     """Return the result of a run that passed but broke a traffic rule: it fails by that rule."""
     first, *others = infractions
     more = f" ({len(others)} more)" if others else ""

@@ -19,7 +19,7 @@ from foresee_dsl.story.wording import kmh, quoted
 
 STANDS_FOR_S = 0.5
 """A stop shorter than this is not mentioned, s. Ours: a passenger does not notice it."""
-CREEPS_MPS = 3.0
+EGO_CREEPS_MPS = 3.0
 """An ego that was slower than this for the last second creeps, m/s. Ours: 11 km/h, a little over a walking pace."""
 EGO_BRAKES_MPS2 = 1.0
 """Braking weaker than this is not mentioned, m/s^2. Ours: releasing the accelerator slows a car by less than 1
@@ -112,7 +112,7 @@ def _state(facts: Facts, *, braking: bool, accelerating: bool) -> str:
     speed = facts.speed(0)[max(0, facts.last - round(1 / STEP_S)) :]
     if speed[-1] < STANDS_MPS:
         return "stands"
-    if speed.max() < CREEPS_MPS:
+    if speed.max() < EGO_CREEPS_MPS:
         return "creeps"
     if braking:
         return "brakes"
@@ -164,9 +164,9 @@ def _moments(facts: Facts, brakings: list[tuple[int, int]], story_end: int) -> I
             yield _moment(start, "stops", "the ego stops")
         if end < facts.last:
             yield _moment(end + 1, "moves off", "the ego moves off")
-    for start, _ in spans((speed >= STANDS_MPS) & (speed < CREEPS_MPS), 1.5):
+    for start, _ in spans((speed >= STANDS_MPS) & (speed < EGO_CREEPS_MPS), 1.5):
         if start > 0:
-            yield _moment(start, "creeps", f"the ego creeps, at under {kmh(CREEPS_MPS)}")
+            yield _moment(start, "creeps", f"the ego creeps, at under {kmh(EGO_CREEPS_MPS)}")
     for start, end in _accelerations(facts, story_end):
         if kmh(speed[start]) != kmh(speed[end]):
             yield _moment(start, "accelerates", f"the ego accelerates from {kmh(speed[start])} to {kmh(speed[end])}")

@@ -28,7 +28,7 @@ from foresee_dsl.story.place import StoryPlace, kind_of, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story, seen_for
 from foresee_dsl.story.wording import full_name, kmh, metres, name_of, quoted, short, what_is, with_side
 
-STOOD_S = 1.0
+BRIEF_STOP_S = 1.0
 """An ego that has stood for less than this is said to have just stopped, s. Ours."""
 SEEN_SHORTLY_S = 3.0
 """The sentence states how long the ego saw the opponent if that is shorter than this, s. Ours: three times what a
@@ -176,7 +176,9 @@ def _sees(facts: Facts, ego: EgoMotion, other: Opponent) -> str:
 def _drives(ego: EgoMotion, other: Opponent | None = None) -> str:
     braking = f"with up to {ego.braking_mps2:.1f} m/s^2"
     match ego.state:
-        case "stands" if ego.stood_s >= STOOD_S or (other is not None and other.came_to_a_standing_ego(ego.stood_s)):
+        case "stands" if ego.stood_s >= BRIEF_STOP_S or (
+            other is not None and other.came_to_a_standing_ego(ego.stood_s)
+        ):
             return f"has stood for {ego.stood_s:.1f} s"
         case "stands":
             return f"brakes to a stand {braking}" if ego.braking_mps2 else "has just stopped"

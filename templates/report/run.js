@@ -1,7 +1,7 @@
 // Decodes a run of the page, and returns its state at any time.
 
 const read = (id) => JSON.parse(document.getElementById(id).textContent);
-const DRAWING = read('drawing'); // the names of the paints, and the limits of lines on the ground
+const DRAWING = read('drawing'); // names of the paints, limits of lines on the ground, and other constants
 
 const sums = (list, count) => {
   const values = new Float64Array(count);

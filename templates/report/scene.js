@@ -8,7 +8,6 @@ const colours = () => {
   return { ...named(['panel', 'line', 'ink', 'muted', 'accent', 'warn', 'good'], value),
     paints: named(DRAWING.paints, (name) => ({ fill: value(`p-${name}`), line: value(`p-${name}-line`) })) };
 };
-const EYE_M = 1.6; // height of the ego's sensors, m: lower bodies hide nothing in this picture
 const REACH_M = 80;
 const RAYS = 540;
 
@@ -162,7 +161,8 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   const ego = run.pose(run.ego.way, time);
   const poses = run.actors.map((actor) => run.pose(actor.way, time));
   if (show.sight && ego) {
-    const tall = run.actors.filter((actor, k) => k && poses[k] && actor.size[2] > EYE_M);
+    // Bodies lower than the ego's sensors hide nothing in this picture.
+    const tall = run.actors.filter((actor, k) => k && poses[k] && actor.size[2] > DRAWING.eye_m);
     const sides = tall.flatMap((actor) => {
       const box = corners(poses[actor.index], actor.size[0], actor.size[1]);
       return box.map((point, k) => [...point, ...box[(k + 1) % 4]]);
@@ -291,7 +291,7 @@ const keyTime = (run) => {
 const fitted = (run, canvas) => {
   const key = keyTime(run);
   let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
-  for (let at = Math.max(0, key - 3); at <= key + 1e-6; at += 0.25) {
+  for (let at = Math.max(0, key - DRAWING.view_s); at <= key + 1e-6; at += 0.25) {
     for (const actor of [run.ego, run.opponent]) {
       const pose = actor && run.pose(actor.way, at);
       if (!pose) continue;

@@ -9,18 +9,18 @@ import pytest
 
 from foresee_dsl.avoidance.anticipating import Answer, AnticipatingDriver, Anticipation
 from foresee_dsl.avoidance.anticipating.assessing import _Assessment, _ConfirmingRun
-from foresee_dsl.avoidance.anticipating.manoeuvre import Plan, sidestep_s
+from foresee_dsl.avoidance.anticipating.manoeuvre import ManoeuvrePlan, sidestep_s
 from foresee_dsl.avoidance.anticipating.settings import (
-    COMFORTABLE_MPS2,
     LATERAL_JERK_MPS3,
     LATERAL_MPS2,
     MOST_RUNS,
-    SLOWEST_MPS,
+    SLOWED_TO_MPS,
 )
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
@@ -100,7 +100,7 @@ def test_who_slows_past_a_van_that_hides_people_avoids_it(town: Town) -> None:
     assert "stopped vehicle" in found.why
     assert found.slower_mps is not None
     # From 36 km/h to 30 at the most for what might come, 20 where people are seen near it.
-    assert 0.5 < found.slower_mps < 10.0 - SLOWEST_MPS + 3.0
+    assert 0.5 < found.slower_mps < 10.0 - SLOWED_TO_MPS + 3.0
 
 
 def test_a_cut_in_at_the_last_moment_is_not_preventable(town: Town) -> None:
@@ -132,7 +132,7 @@ def test_what_is_not_the_recorded_failure_is_not_decided(town: Town) -> None:
 
 @pytest.mark.parametrize("sideways_m", [0.4, 1.2, 3.5])
 def test_a_step_to_the_side_keeps_the_limits_of_comfort(sideways_m: float) -> None:
-    plan, times = Plan(0.0, 0.0, sideways_m), sidestep_s(sideways_m) * LINE
+    plan, times = ManoeuvrePlan(0.0, 0.0, sideways_m), sidestep_s(sideways_m) * LINE
     aside, rate, bend = plan.aside_at(times)
     assert aside[-1] == pytest.approx(sideways_m, abs=1e-6)
     assert rate[-1] == pytest.approx(0.0, abs=1e-6)

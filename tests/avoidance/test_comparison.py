@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foresee_dsl.avoidance.comparison import Comparison, compared
+from foresee_dsl.avoidance.comparison import RunComparison, compared
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Event, Trace, X, Y
 from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straight
 
@@ -42,7 +42,7 @@ FAILED = trace_of(slowing(9.0, 1.0, seconds=END_S), hits=True)
 """The ego drives at 10 m/s to x = 50 m, where it touches the van."""
 
 
-def against(ego: Track, failed: Trace = FAILED) -> Comparison:
+def against(ego: Track, failed: Trace = FAILED) -> RunComparison:
     return compared(failed, trace_of(ego), NO_BUNDLE)
 
 
@@ -87,7 +87,7 @@ def test_who_ends_in_the_same_line_has_not_evaded() -> None:
 
 def test_who_takes_another_way_is_not_compared() -> None:
     other = straight("car", 0.0, Y_M, NORTH, 10.0, seconds=8.0)
-    assert against(other) == Comparison(apart="it takes another way")
+    assert against(other) == RunComparison(apart="it takes another way")
     six_m_aside = straight("car", 0.0, Y_M + 5.9, EAST, 10.0, seconds=8.0)
     assert against(six_m_aside).apart == ""
 
@@ -160,6 +160,6 @@ def test_braking_long_after_the_failure_is_no_reaction_to_it() -> None:
 
 def test_without_another_actor_every_passing_driver_avoids_it() -> None:
     alone = make_trace({"ego": slowing(9.0, 1.0, seconds=END_S)})
-    assert compared(alone, FAILED, NO_BUNDLE) == Comparison(("drives on",))
+    assert compared(alone, FAILED, NO_BUNDLE) == RunComparison(("drives on",))
     absent = make_trace({"ego": slowing(9.0, 1.0, seconds=8.0)})
-    assert compared(FAILED, absent, NO_BUNDLE) == Comparison(apart="van is not there")
+    assert compared(FAILED, absent, NO_BUNDLE) == RunComparison(apart="van is not there")

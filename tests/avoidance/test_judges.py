@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import import_module
+from pathlib import Path
 from pkgutil import walk_packages
 
 import pytest
+from lxml import html
 
 from foresee_dsl import avoidance
 from foresee_dsl.avoidance import judges
@@ -15,14 +17,21 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157, Failure, Judge, Judg
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import reference_run
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.findings.failures import explained
+from foresee_dsl.campaign.findings.written import read_campaign_folder
 from foresee_dsl.campaign.records import ChildOutcome, decode, encode
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.builds.case_results import _details
+from foresee_dsl.report.page.html import write_report
+from foresee_dsl.report.page.markdown import write_markdown
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
-from tests.support.small_campaign import TEXT, write_project
+from tests.support.first_project import checked, foresee
+from tests.support.small_campaign import SETTINGS, TEXT, InThisProcess, campaign, write_project
+
+EARLY_BIRD = "an early bird", "there before", "other came too late for it"
 
 
 class EarlyBird:
@@ -62,6 +71,28 @@ def test_a_further_judge_is_asked_stored_and_shown(
     assert "an early bird: there before: other came too late for it" in _details(made)
     assert {R157, ANTICIPATING} <= {found.name for found in before}
     assert {made.preventability, made.anticipation} <= {*before}
+
+
+def test_the_answer_of_a_further_judge_is_written_and_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judges, "JUDGES", (*judges.JUDGES, EarlyBird()))
+    file, out = write_project(tmp_path), tmp_path / "out"
+    text, _, _ = TEXT.partition("  case after")
+    file.write_text(f"{text}  case struck {{ gap = 0 s }}\n}}\n")
+    result, _ = campaign(file, out, replace(SETTINGS, driver="pdm"), options=RunOptions(executor=InThisProcess))
+    (case,), (finding,) = result.seeds, result.findings
+    answer, line = Opinion(*EARLY_BIRD, avoids=True), ": ".join(EARLY_BIRD)
+
+    written = read_campaign_folder(out)
+    assert written.findings is not None and written.findings[0].judgements[-1] == answer
+    assert written.test_cases[0].opinions == case.opinions == (answer,)
+    data = checked(foresee("review", finding.name, "--campaign", out, "--json").stdout)
+    assert data["finding"]["opinions"] == [{**asdict(answer), "origin": None}]
+    assert f"  {line}\n" in foresee("review", finding.name, "--campaign", out).stdout
+    write_report([out], out / "report.html")
+    page = html.document_fromstring((out / "report.html").read_text())
+    assert line in [paragraph.text_content() for paragraph in page.iter("p")]
+    write_markdown([out], out / "report.md")
+    assert f"- {EARLY_BIRD[0]}: **{EARLY_BIRD[1]}**: {EARLY_BIRD[2]}\n" in (out / "report.md").read_text()
 
 
 def test_every_judge_is_asked() -> None:

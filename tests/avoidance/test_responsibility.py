@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
+from foresee_dsl.avoidance.judge import Opinion
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
@@ -59,6 +60,8 @@ STEERED = Grounds(seen_s=5.0, acts_s=0.9, steered=True)
         (Grounds(seen_s=0.5), (), (APART, IDEAL), Whose.UNAVOIDABLE),
         (Grounds(seen_s=0.5), (), (replace(REACTS, how=()),), Whose.UNAVOIDABLE),
         (Grounds(seen_s=0.5), (AHEAD,), (APART,), Whose.ARGUABLE),
+        (Grounds(seen_s=0.5), (Opinion("an early bird", "there before", "", avoids=True),), (), Whose.ARGUABLE),
+        (Grounds(seen_s=0.5), (Opinion("an early bird", "too late", "", avoids=False),), (), Whose.UNAVOIDABLE),
         (Grounds(seen_s=5.0, acts_s=REACTION_S + 0.5, braked_s=0.4), (), (), Whose.DRIVER),
         (Grounds(seen_s=5.0, acts_s=REACTION_S + 0.5, braked_s=0.6), (), (), Whose.ARGUABLE),
         (Grounds(seen_s=5.0, acts_s=REACTION_S - 0.1), (), (), Whose.UNAVOIDABLE),

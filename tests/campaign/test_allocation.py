@@ -20,7 +20,7 @@ from foresee_dsl.campaign.allocation.adaptive import (
     ranked,
     worths,
 )
-from foresee_dsl.campaign.allocation.draws import ChildFacts, PastChild, Way
+from foresee_dsl.campaign.allocation.draws import ChildFacts, DrawMethod, PastChild
 from foresee_dsl.campaign.allocation.rounds import Round, spread
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.plan import plan_campaign
@@ -150,7 +150,7 @@ def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() ->
         ChildFacts((), avoidable=False, nearness=0.5),
     )
     other = ChildFacts(("3", "pedestrian"), avoidable=True, nearness=0.0)
-    way = Way(("steer",))
+    way = DrawMethod(("steer",))
     found = worths(
         PastChild("clip", "3", way, facts, avoided=avoided)
         for facts, avoided in ((failure, False), (failure, True), (near, False), (other, True))
@@ -160,7 +160,7 @@ def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() ->
 
 
 def test_children_go_where_those_before_failed() -> None:
-    steer, line = Way(("steer",)), Way(("line",))
+    steer, line = DrawMethod(("steer",)), DrawMethod(("line",))
     clips = [f"clip{k}" for k in range(8)]
     tried = [
         ValuedChild(clip, way, float(clip == "clip3" and way == line), clip == "clip3")

@@ -10,7 +10,7 @@ import pytest
 from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
-from foresee_dsl.derive.clipping.fidelity import WITHIN_M, Deviation
+from foresee_dsl.derive.clipping.fidelity import WITHIN_M, ClipDeviation
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.model import Actor, Clip, EdgeRoute, Ego, MeetsState, When
 from foresee_dsl.language.parser import parse
@@ -26,7 +26,7 @@ def parent_of(address: str) -> tuple[TestCase, Trace]:
     return case, run_test_case(case, "pdm", 0).trace
 
 
-def cut(address: str, frame: int, folder: Path) -> tuple[Clip, Deviation]:
+def cut(address: str, frame: int, folder: Path) -> tuple[Clip, ClipDeviation]:
     """Cut from this frame on, 8 s, and run what the text says."""
     case, trace = parent_of(address)
     point = RiskyPoint(1, frame + 60, (frame + 60) * 0.05, "", "none", float("nan"), float("nan"), 0.0, "a test")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.allocation.adaptive import Adaptive
-from foresee_dsl.campaign.allocation.draws import ChildFacts, ClipGroup, PastChild, Way
+from foresee_dsl.campaign.allocation.draws import ChildFacts, ClipGroup, DrawMethod, PastChild
 from foresee_dsl.campaign.allocation.earlier import EarlierMutants
 from foresee_dsl.campaign.allocation.rounds import METHODS
 from foresee_dsl.campaign.allocation.stories import Archive, Estimates, Stories
@@ -162,7 +162,7 @@ def test_a_folder_from_elsewhere_is_not_left(
 
 def past(clip: str, story: str = "", *, avoided: bool = False, way: str = "steer", rank: int = 1) -> PastChild:
     facts = ChildFacts((story,) if story else (), avoidable=avoided, nearness=0.0)
-    return PastChild(clip, ClipGroup("3", rank), Way((way,)), facts, avoided)
+    return PastChild(clip, ClipGroup("3", rank), DrawMethod((way,)), facts, avoided)
 
 
 def test_a_cell_is_a_story_and_remembers_whether_it_is_avoidable() -> None:
@@ -173,7 +173,7 @@ def test_a_cell_is_a_story_and_remembers_whether_it_is_avoidable() -> None:
 
 
 def test_what_failed_before_gains_less_than_what_may_still_add_a_story() -> None:
-    steer, timing = Way(("steer",)), Way(("timing",))
+    steer, timing = DrawMethod(("steer",)), DrawMethod(("timing",))
     group = ClipGroup("3", 1)
     seen = [past("often", "rear end", avoided=True) for _ in range(6)] + [past("never") for _ in range(2)]
     estimates = Estimates(seen)
@@ -186,7 +186,7 @@ def test_what_failed_before_gains_less_than_what_may_still_add_a_story() -> None
     ranks = Estimates([past(f"c{k}", "x" if k < 5 else "", rank=1 if k < 10 else 2) for k in range(20)])
     assert ranks.fails("new", ClipGroup("3", 1), steer) > ranks.fails("new", ClipGroup("3", 2), steer)
     known = Estimates([past("a", "rear end"), past("b", "turning", avoided=True)])
-    weaker = Way(("steer",), How.WEAKER)
+    weaker = DrawMethod(("steer",), How.WEAKER)
     assert known.gain("a", group, weaker, of_known=True).value > known.gain("b", group, weaker, of_known=True).value, (
         "the failure of a may become avoidable"
     )

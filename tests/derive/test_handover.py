@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import RecordedState
 from foresee_dsl.derive.clipping.clip import DRIVES_S, RECORDED_EVERY_S, clip
-from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
+from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation, with_fidelity
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.checks.documents import check_document
@@ -153,7 +153,7 @@ def cut(seed: tuple[TestCase, RunResult], handover_s: float, at_s: float = 4.0) 
     )
 
 
-def driven(seed: tuple[TestCase, RunResult], model: Clip) -> tuple[Trace, Deviation]:
+def driven(seed: tuple[TestCase, RunResult], model: Clip) -> tuple[Trace, ClipDeviation]:
     """Run what the clip's text says."""
     case, result = seed
     again = parse(print_model(model), "p1.foresee").model

@@ -11,7 +11,7 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip
-from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
+from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.project.document import TestCase
@@ -41,7 +41,7 @@ def parent() -> tuple[TestCase, Trace]:
     return case, run(compile_test_case(case), Stands()).trace
 
 
-def restored(frame: int) -> Deviation:
+def restored(frame: int) -> ClipDeviation:
     case, trace = parent()
     point = RiskyPoint(1, frame, frame * 0.05, "", "none", math.nan, math.nan, 0.0, "a test")
     made = clip(case, trace, point, before_s=0.0, after_s=4.0, name="again", parent="junctions.foresee")

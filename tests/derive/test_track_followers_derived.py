@@ -14,7 +14,7 @@ from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.tracks import FileTrack, read_tracks
-from foresee_dsl.derive.clipping.fidelity import Deviation
+from foresee_dsl.derive.clipping.fidelity import ClipDeviation
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.ours import retimed
@@ -74,7 +74,7 @@ def written(model: Clip, file: Path) -> TestCase:
     return load_test_case(file)
 
 
-def deviation(case: TestCase, trace: Trace, at_s: float) -> Deviation:
+def deviation(case: TestCase, trace: Trace, at_s: float) -> ClipDeviation:
     file = case.source.parent / "clip.foresee"
     return measure_clip(cut(case, trace, at_s), case, trace, file, DriverSetup("idm"))[3]
 

@@ -18,7 +18,7 @@ from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.consent import allow, allowing
 from foresee_dsl.drivers.external import ExternalDriver, map_line, read_answer, read_ready
-from foresee_dsl.drivers.following import COMFORTABLE_MPS2, Course, Deviation, Follower
+from foresee_dsl.drivers.following import Course, Deviation, Follower
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import (
     Control,
@@ -30,6 +30,7 @@ from foresee_dsl.drivers.protocol import (
 )
 from foresee_dsl.errors import DriverError
 from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState

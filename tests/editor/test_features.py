@@ -16,8 +16,10 @@ from foresee_dsl.editor.answers.edits import applied as fixed
 from foresee_dsl.editor.answers.fixes import fixes
 from foresee_dsl.editor.answers.marks import hints, lenses, tokens
 from foresee_dsl.editor.diagnosing import find
+from foresee_dsl.editor.features import ANSWERS
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import results
+from foresee_dsl.editor.server import ANSWERED
 from tests.support.editor_client import Editor, applied, at, session
 
 NET = """foresee 1
@@ -258,3 +260,7 @@ def test_the_extensions_logic(root: Path) -> None:
     assert done.returncode == 0, done.stdout
     for script in ("extension.js", "picture.js", "logic.js"):
         subprocess.run(["node", "--check", script], cwd=folder, check=True)
+
+
+def test_every_request_that_the_server_passes_on_has_a_function() -> None:
+    assert set(ANSWERS) == set(ANSWERED)

@@ -14,6 +14,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from lxml import html
 
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
@@ -32,10 +33,12 @@ from foresee_dsl.report.page.running import EVERY_S, RunningPage
 from foresee_dsl.report.page.runs import FailingRun, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
+from foresee_dsl.report.show.panels import VIEW_S
 from foresee_dsl.report.show.sources import RunRequest, find
 from foresee_dsl.report.show.steps import recorded_steps
 from foresee_dsl.simulate.results.criticality import Measure, criticality
 from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.sensing.settings import STANDARD
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story import Moment
 from tests.support import command
@@ -426,6 +429,12 @@ def test_page_needs_nothing_else_and_says_every_finding(page_file: Path, finding
         for name in found["siblings"]:
             assert name in text
     assert page_file.stat().st_size < 1_000_000
+
+
+def test_constants_of_its_pictures_are_those_of_the_simulation(page_file: Path) -> None:
+    (drawing,) = html.document_fromstring(page_file.read_text()).xpath("//script[@id='drawing']")
+    constants = json.loads(drawing.text)
+    assert (constants["eye_m"], constants["view_s"]) == (STANDARD.eye_m, VIEW_S)
 
 
 def test_writing_it_again_gives_the_same_bytes(out: Path, page_file: Path, tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
 from foresee_dsl.kernels.conditions import INSIDE, OUTSIDE, UNSURE, beside_area, box_distance, gap_within, hypotenuse
-from foresee_dsl.simulate.results.metrics import Outline, outline_of, ttc
+from foresee_dsl.simulate.results.metrics import Outline, outline_of
+from tests.support.compiled_metrics import ttc
 from tests.support.plain_conditions import plain_distance, plain_ttc
 
 metres = st.floats(-40, 40)

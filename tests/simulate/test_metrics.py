@@ -11,7 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from foresee_dsl.kernels.boxes import Box, Mover, overlaps
-from foresee_dsl.simulate.results.metrics import eta, ttc
+from foresee_dsl.simulate.results.metrics import eta
+from tests.support.compiled_metrics import ttc
 from tests.support.plain_metrics import minimum_distance, pet
 
 EAST, NORTH, WEST = 0.0, math.pi / 2, math.pi

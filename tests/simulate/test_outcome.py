@@ -15,8 +15,8 @@ from foresee_dsl.kernels.boxes import Mover, overlaps
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.results.outcome import (
     FLUSH_M,
-    Decision,
     OutcomeJudge,
+    RunEnd,
     classify,
     impact,
     off_road_points,
@@ -209,9 +209,7 @@ def judge(**values: object) -> OutcomeJudge:
     return OutcomeJudge(**settings)  # type: ignore[arg-type]  # tests vary single arguments
 
 
-def look(
-    watcher: OutcomeJudge, time_s: float, *poses: list[float], speed: float = 10.0, **seen: bool
-) -> Decision | None:
+def look(watcher: OutcomeJudge, time_s: float, *poses: list[float], speed: float = 10.0, **seen: bool) -> RunEnd | None:
     rows = np.array([*poses, *[FAR] * (3 - len(poses))])
     flags = {"off_road": False, "arrived": False, "may_wait": False, **seen}
     return watcher.look(time_s, BicycleState(0, 0, 0, speed), rows, np.full(3, 5.0), **flags)
@@ -246,9 +244,9 @@ def test_what_touches_at_the_first_frame_is_invalid() -> None:
 def test_off_the_road_arrival_and_time() -> None:
     assert look(judge(), 5.0) is None
     off = look(judge(), 5.0, off_road=True, arrived=True)
-    assert off == Decision(Verdict.F1, 5.0, "", "F1 left the drivable area at 5.00 s")
+    assert off == RunEnd(Verdict.F1, 5.0, "", "F1 left the drivable area at 5.00 s")
     there = look(judge(), 5.0, arrived=True)
-    assert there == Decision(Verdict.PASS, 5.0, "", "arrived at 5.00 s")
+    assert there == RunEnd(Verdict.PASS, 5.0, "", "arrived at 5.00 s")
     late = look(judge(must_arrive=True), 1200 * 0.05)
     assert late is not None
     assert late.verdict is Verdict.TIMEOUT

@@ -109,6 +109,11 @@ def scenario(*, events: str = "", init: str = "", entities: str = "", catalogue:
 """
 
 
+def car(name: str) -> str:
+    """Return a further entity: a car of the catalogue."""
+    return _CAR.format(name=name, catalogue="Cars")
+
+
 def group(actor: str, *events: str) -> str:
     """Return a maneuver group of one actor."""
     return f"""<ManeuverGroup name="{actor}_group" maximumExecutionCount="1">

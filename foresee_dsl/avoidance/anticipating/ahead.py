@@ -9,7 +9,7 @@ without their noise and delay. It does not know which actor will be hit.
 Hazards are hidden places, pedestrians at the kerb, and buses at stops. A walker who steps out from a place beside the
 way, a distance g from the ego's side, needs g / v_walk to be in the way. A driver with speed v who reacts after t and
 brakes with b either stands before the place, or is past it in time, if v is at most 2 b (g / v_walk - t). This is the
-careful speed at the place; in practice people do not drive slower than `settings.SLOWEST_MPS`, or past a bus at its
+careful speed at the place; in practice people do not drive slower than `settings.SLOWED_TO_MPS`, or past a bus at its
 stop `SLOWEST_AT_BUS_MPS`.
 """
 
@@ -20,12 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.foresight import PredictedEgo, conflicts, crossings_of, priority_ways
 from foresee_dsl.avoidance.anticipating.settings import (
     AT_CROSSING_M,
     BESIDE_M,
     CLOSE_M,
-    COMFORTABLE_MPS2,
     EASES_MPS2,
     EXPECTED_REACTION_S,
     HARDEST_MPS2,
@@ -36,16 +36,15 @@ from foresee_dsl.avoidance.anticipating.settings import (
     NEARLY_STANDS_MPS,
     RUNNING_MPS,
     SETS_OFF_MPS2,
+    SLOWED_TO_MPS,
     SLOWEST_AT_BUS_MPS,
-    SLOWEST_MPS,
     WALKING_MPS,
 )
-from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.r157.risk import EVALUATION_S, MOVED_M, REACTION_S, Other
 from foresee_dsl.avoidance.replay import JERK_MPS3, Replay
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, SeenActor, VehicleLimits
-from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle
 from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE, SensorSettings
 from foresee_dsl.simulate.trace import STEP_S, Trace
@@ -79,7 +78,7 @@ class DriveAhead(Replay):
     name = "anticipating"
     version = "1"
 
-    def __init__(self, trace: Trace, way: Way, scene: Scene) -> None:
+    def __init__(self, trace: Trace, way: ExtendedPath, scene: Scene) -> None:
         super().__init__(trace, None, scene, way)
         recorded = scene.ego.recorded
         self.from_s = recorded[-1].time_s if recorded else 0.0
@@ -337,7 +336,7 @@ def _of(other: Other, others: list[Other], gap: float, before: float, left: floa
     if small or other.speed_mps > NEARLY_STANDS_MPS or gap > BESIDE_M:
         return []
     bus, people = other.kind == "bus", _people_near(other, others)
-    slowest = SLOWEST_AT_BUS_MPS if bus or people else SLOWEST_MPS
+    slowest = SLOWEST_AT_BUS_MPS if bus or people else SLOWED_TO_MPS
     speed = _careful_mps(gap, RUNNING_MPS if bus else WALKING_MPS, slowest)
     what = "a bus that stands" if bus else "a stopped vehicle with people near it" if people else "a stopped vehicle"
     return [Hazard(what, before - _stopping_m(speed), speed)]
@@ -350,7 +349,7 @@ def _walker(other: Other, others: list[Other], gap: float, before: float, left: 
     if not near and not (towards > _TOWARDS_MPS and gap < _APPROACHES_M):
         return []
     beside_vehicle = any(o.kind not in ("pedestrian", "bicycle") and _people_near(o, [other]) for o in others)
-    slowest = SLOWEST_AT_BUS_MPS if beside_vehicle or towards > _TOWARDS_MPS else SLOWEST_MPS
+    slowest = SLOWEST_AT_BUS_MPS if beside_vehicle or towards > _TOWARDS_MPS else SLOWED_TO_MPS
     speed = _careful_mps(gap, max(WALKING_MPS, towards), slowest)
     return [Hazard("a walker at the kerb", before - _stopping_m(speed), speed)]
 

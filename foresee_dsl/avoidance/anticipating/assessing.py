@@ -12,10 +12,10 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from foresee_dsl.avoidance.anticipating.ahead import CLEAR_SIGHT, DriveAhead
+from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.foresight import onset, priority_ways
 from foresee_dsl.avoidance.anticipating.manoeuvre import Manoeuvre, ScreenedManoeuvre, Screening, sideways
 from foresee_dsl.avoidance.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
-from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.judge import ANTICIPATING, Failure, contact
 from foresee_dsl.avoidance.r157.risk import REACTION_S
 from foresee_dsl.documents import or_null, rounded
@@ -163,7 +163,7 @@ class _Assessment:
         end_s = min(bundle.scene.end_s, result.time_s + LOOKS_ON_S)
         self._bundle = replace(bundle, scene=replace(bundle.scene, end_s=end_s))
         self._whole, self._failure = bundle, failure
-        self._way = Way(result.trace, bundle.scene.ego.line)
+        self._way = ExtendedPath(result.trace, bundle.scene.ego.line)
         self._other = result.trace.index(failed.with_)
         self._first = priority_ways(mission_of(bundle))
         self._runs = 0

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.settings import (
-    COMFORTABLE_MPS2,
     CROSSES_RAD,
     FORESEES_S,
     FORGETS_S,
@@ -25,7 +25,6 @@ from foresee_dsl.avoidance.anticipating.settings import (
     TURNING_RAD,
     WALKER_HASTENS_MPS,
 )
-from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.r157.risk import (
     CRITICAL_TTC_S,
     MERGES_RAD,
@@ -40,11 +39,12 @@ from foresee_dsl.avoidance.r157.risk import (
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.simulate.sensing.sight import Sight, in_view
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 _EVERY_S = 0.1
-_CREEPS_MPS = 2.0
+_PREDICTED_LEAST_MPS = 2.0
 """Lowest speed with which the ego is predicted, m/s, to see whether a standing ego could set off. Ours."""
 _EVERY_FRAMES = 2
 _ON_WAY_M, _SAME_WAY = 2.0, 0.7
@@ -62,7 +62,7 @@ class PredictedEgo:
           pedestrians have priority.
     """
 
-    way: Way
+    way: ExtendedPath
     along_m: float
     speed_mps: float
     length_m: float
@@ -116,7 +116,7 @@ def horizon_s(speed_mps: float) -> float:
 
 def ego_boxes(ego: PredictedEgo, time_s: FloatArray) -> FloatArray:
     """Return the ego's boxes [N, 5] at some times at constant speed, lengthened at both ends by the time gap."""
-    speed = max(ego.speed_mps, _CREEPS_MPS)
+    speed = max(ego.speed_mps, _PREDICTED_LEAST_MPS)
     boxes = np.empty((len(time_s), 5))
     boxes[:, :3] = ego.way.at(ego.along_m + speed * time_s)
     boxes[:, 3:] = (ego.length_m + 2 * GAP_S * speed, ego.width_m + 2 * WANDER_M)
@@ -184,7 +184,9 @@ def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: floa
     return boxes
 
 
-def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()) -> float | None:
+def onset(
+    trace: Trace, way: ExtendedPath, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()
+) -> float | None:
     """Return the time, s, from which the driver foresees the conflict without interruption until the contact; None if
     it does not.
     """

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.avoidance.anticipating.extended_path import ExtendedPath
 from foresee_dsl.avoidance.anticipating.settings import (
     BUILDS_UP_S,
-    COMFORTABLE_MPS2,
     EASES_MPS2,
     FIRM_MPS2,
     LATERAL_JERK_MPS3,
@@ -25,13 +25,12 @@ from foresee_dsl.avoidance.anticipating.settings import (
     PASSES_S,
     SIDESTEPS_M,
 )
-from foresee_dsl.avoidance.anticipating.way import Way
 from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile.bundle import Scene, SumoBundle
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import gaps_to_first
-from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
 from foresee_dsl.simulate.results.outcome import off_road_points, squares_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
@@ -42,7 +41,7 @@ _PEAK, _JERK = 10 / math.sqrt(3), 30.0
 
 
 @dataclass(frozen=True)
-class Plan:
+class ManoeuvrePlan:
     """A manoeuvre of the ego: when it begins, how hard it brakes, how far it evades.
 
     Attributes:
@@ -89,7 +88,7 @@ class Manoeuvre(Replay):
     name = "anticipating"
     version = "1"
 
-    def __init__(self, trace: Trace, way: Way, plan: Plan, scene: Scene) -> None:
+    def __init__(self, trace: Trace, way: ExtendedPath, plan: ManoeuvrePlan, scene: Scene) -> None:
         super().__init__(trace, plan.begins_s, scene, way)
         self._plan = plan
 
@@ -111,14 +110,14 @@ _SHOWN_EVERY = 4
 class ScreenedManoeuvre:
     """A manoeuvre, and its smallest distance to any actor, m."""
 
-    plan: Plan
+    plan: ManoeuvrePlan
     least_m: float
 
 
 class Screening:
     """Moves the ego along its path by a manoeuvre, among the recorded other actors."""
 
-    def __init__(self, trace: Trace, way: Way, bundle: SumoBundle) -> None:
+    def __init__(self, trace: Trace, way: ExtendedPath, bundle: SumoBundle) -> None:
         self._trace, self._way, self._bundle = trace, way, bundle
         self._more = round(LOOKS_ON_S / STEP_S)
         self.contact_s = (trace.frames - 1) * STEP_S
@@ -143,7 +142,7 @@ class Screening:
         more[:, 2] = poses[-1, 2]
         return np.ascontiguousarray(np.vstack([poses, more]))
 
-    def least_m(self, plan: Plan) -> float:
+    def least_m(self, plan: ManoeuvrePlan) -> float:
         """Return the ego's smallest distance to any actor from the plan's beginning on, m; at most 5."""
         first, poses, _ = self._rolled(plan)
         if not len(self._others):
@@ -152,7 +151,7 @@ class Screening:
         gaps = gaps_to_first(cube, self._sizes, self._within)
         return float(min(gaps.min(initial=_WITHIN_M), _WITHIN_M))
 
-    def _rolled(self, plan: Plan) -> tuple[int, FloatArray, FloatArray]:
+    def _rolled(self, plan: ManoeuvrePlan) -> tuple[int, FloatArray, FloatArray]:
         """Return the plan's first frame, the ego's poses [N, 3] from there to the end, and its speeds, m/s."""
         first = min(round(plan.begins_s / STEP_S), len(self._speeds) - 1)
         total = len(self._speeds) + self._more
@@ -174,7 +173,7 @@ class Screening:
     def braking(self, begins_s: float) -> ScreenedManoeuvre:
         """Return the gentlest braking from a time on that keeps the margin; the hardest if none does."""
         for strength in (COMFORTABLE_MPS2, FIRM_MPS2, HARDEST_BRAKING_MPS2):
-            plan = Plan(begins_s, strength)
+            plan = ManoeuvrePlan(begins_s, strength)
             least = self.least_m(plan)
             if least >= MARGIN_M:
                 break
@@ -182,7 +181,7 @@ class Screening:
 
     def hardest(self, begins_s: float) -> ScreenedManoeuvre:
         """Return the hardest braking from a time on."""
-        plan = Plan(begins_s, HARDEST_BRAKING_MPS2)
+        plan = ManoeuvrePlan(begins_s, HARDEST_BRAKING_MPS2)
         return ScreenedManoeuvre(plan, self.least_m(plan))
 
     def latest_s(self, begins_s: float) -> float:
@@ -193,7 +192,7 @@ class Screening:
         low, high = round(begins_s / STEP_S), len(self._speeds) - 1
         while high - low > 1:
             middle = (low + high) // 2
-            if self.least_m(Plan(middle * STEP_S, HARDEST_BRAKING_MPS2)) >= MARGIN_M:
+            if self.least_m(ManoeuvrePlan(middle * STEP_S, HARDEST_BRAKING_MPS2)) >= MARGIN_M:
                 low = middle
             else:
                 high = middle
@@ -208,7 +207,7 @@ class Screening:
                 break  # a larger step takes even longer
             for strength in (0.0, EASES_MPS2, COMFORTABLE_MPS2):
                 for side in (far, -far):
-                    plan = Plan(begins_s, strength, side, stops_s)
+                    plan = ManoeuvrePlan(begins_s, strength, side, stops_s)
                     least = self.least_m(plan)
                     if least >= MARGIN_ASIDE_M and self._on_road(plan):
                         sidesteps.append(ScreenedManoeuvre(plan, least))
@@ -216,7 +215,7 @@ class Screening:
                     return sidesteps
         return sidesteps
 
-    def _on_road(self, plan: Plan) -> bool:
+    def _on_road(self, plan: ManoeuvrePlan) -> bool:
         squares = squares_of(self._bundle.network)
         bicycle = Bicycle(limits_of(self._bundle.scene.ego.model, self._bundle.scene.friction))
         _, poses, speeds = self._rolled(plan)

@@ -8,10 +8,6 @@ from __future__ import annotations
 
 import math
 
-COMFORTABLE_MPS2 = 3.4
-"""Comfortable braking of most drivers, also on wet roads, m/s^2: AASHTO, A Policy on Geometric Design of Highways and
-Streets, stopping sight distance. It is tried first; other drivers who must wait are also expected to brake with it.
-"""
 FIRM_MPS2 = 5.0
 """Firm braking, which is tried second, m/s^2: R157 calls harder braking an emergency manoeuvre."""
 BUILDS_UP_S = 0.6
@@ -91,7 +87,7 @@ German law (StVO 26) requires vehicles to approach such a crossing at moderate s
 """
 NEAR_VEHICLE_M = 5.0
 """Walkers who are nearer than this to a stopped vehicle belong to it, m. Ours: a car's length."""
-SLOWEST_MPS = 30 / 3.6
+SLOWED_TO_MPS = 30 / 3.6
 """Lowest speed to which the driver slows for hazards, m/s. Ours, after the zones of 30 km/h in which such streets
 lie."""
 SLOWEST_AT_BUS_MPS = 20 / 3.6

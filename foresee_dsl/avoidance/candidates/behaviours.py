@@ -18,6 +18,7 @@ from numpy.random import Generator
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, GRAVITY_MPS2
 from foresee_dsl.kernels.what_if import WhatIf
 from foresee_dsl.simulate.trace import SPEED, STEP_S, YAW_RATE, ActorInfo
 
@@ -89,7 +90,7 @@ class CarefulSettings:
     vehicle_pace: tuple[float, float] = (0.6, 1.4)
     hesitates_mps2: tuple[float, float] = (1.0, 2.0)
     hesitates_s: tuple[float, float] = (1.0, 3.0)
-    brakes_mps2: tuple[float, float] = (3.4, 7.4)
+    brakes_mps2: tuple[float, float] = (COMFORTABLE_MPS2, 7.4)
     brakes_s: tuple[float, float] = (1.0, 3.0)
     halts_mps2: tuple[float, float] = (2.0, 3.5)
     halts_s: tuple[float, float] = (3.0, 6.0)
@@ -292,7 +293,7 @@ class Behaviours:
         speed = self._run.mps(actor, frame)
         if info.wheelbase_m <= 0:
             return
-        most = s.swerve_g * 9.81 / speed**2
+        most = s.swerve_g * GRAVITY_MPS2 / speed**2
         for share in self._either((0.3, 1.0), 2):
             yield self._candidate(Kind.SWERVES, actor, share * most, at, s.swerve_s, turn=share * most, turn_at=at,
                              turn_for=s.swerve_s)  # fmt: skip

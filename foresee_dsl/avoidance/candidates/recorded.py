@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
+from foresee_dsl.compile.catalogue import USUAL_HEIGHTS_M
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
@@ -51,8 +51,7 @@ class RecordedRun:
             track[last + 1 :, 1] = track[last, 1] + beyond * track[last, 3] * np.sin(track[last, 2])
             track[last + 1 :, 2:] = track[last, 2:]
         heights = heights_m or {}
-        usual = {str(kind): defaults.height_m for kind, defaults in CLASS_DEFAULTS.items()}
-        sizes = np.array([(i.length_m, i.width_m, heights.get(i.model, usual[i.kind])) for i in trace.actors])
+        sizes = np.array([(i.length_m, i.width_m, heights.get(i.model, USUAL_HEIGHTS_M[i.kind])) for i in trace.actors])
         return cls(trace, tracks, sizes, there)
 
     def mps(self, actor: int, frame: int) -> float:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from foresee_dsl.campaign.allocation.draws import SEARCHED_WAY, ClipDraws, PastChild, RoundBudget, Way
+from foresee_dsl.campaign.allocation.draws import SEARCHED_WAY, ClipDraws, DrawMethod, PastChild, RoundBudget
 from foresee_dsl.derive.mutate import How
 
 NEW = 1.0
@@ -46,7 +46,7 @@ class ValuedChild(NamedTuple):
     """
 
     clip: str
-    way: Way
+    way: DrawMethod
     worth: float
     fails: bool
 
@@ -123,13 +123,13 @@ class MutantDraws:
         self._rng = rng
         # Strictly between 0 and 1, as the mean of a beta distribution must be.
         self._mean = (sum(child.worth for child in past if child.fails) + 0.1) / (len(past) + 1)
-        self._worth: defaultdict[Way, list[float]] = defaultdict(list)
-        self._had: Counter[tuple[str, Way]] = Counter()
+        self._worth: defaultdict[DrawMethod, list[float]] = defaultdict(list)
+        self._had: Counter[tuple[str, DrawMethod]] = Counter()
         for child in past:
             self._worth[child.way].append(child.worth if child.fails else 0.0)
             self._had[child.clip, child.way] += 1
 
-    def choose(self, clip: str, ways: Sequence[Way]) -> Way:
+    def choose(self, clip: str, ways: Sequence[DrawMethod]) -> DrawMethod:
         """Return one of a clip's ways, and count its use."""
         # Mutants of the search differ anyway, so repeated use has no penalty.
         scores = [self._drawn(way) / (1 if way == SEARCHED_WAY else 1 + self._had[clip, way]) for way in ways]
@@ -137,7 +137,7 @@ class MutantDraws:
         self._had[clip, best] += 1
         return best
 
-    def _drawn(self, way: Way) -> float:
+    def _drawn(self, way: DrawMethod) -> float:
         worth = self._worth[way]
         good = self._mean * WAY_WEIGHT + sum(worth)
         bad = (1 - self._mean) * WAY_WEIGHT + len(worth) - sum(worth)

@@ -43,7 +43,7 @@ AT_MOST: Mapping[How, int] = {How.NEAR: 2, How.BESIDE: 2, How.WEAKER: len(WEAKER
 """Maximum number of mutants that use the changes of one mutant, by how they use them. Ours."""
 
 
-class Way(NamedTuple):
+class DrawMethod(NamedTuple):
     """One way of drawing a mutant: by which operators, and how."""
 
     operators: tuple[str, ...]
@@ -62,9 +62,9 @@ _BEFORE: Mapping[How, str] = {
     How.WEAKER: "weaker than a child, ",
     How.EARLIER: "",
 }
-SEARCHED_WAY = Way(("searched",))
+SEARCHED_WAY = DrawMethod(("searched",))
 """The way of the mutants that the preset's search proposes, one after the other."""
-EARLIER_WAY = Way(("earlier campaigns",), How.EARLIER)
+EARLIER_WAY = DrawMethod(("earlier campaigns",), How.EARLIER)
 
 
 class ClipGroup(NamedTuple):
@@ -143,7 +143,7 @@ class PastChild(NamedTuple):
 
     clip: str
     group: ClipGroup
-    way: Way
+    way: DrawMethod
     facts: ChildFacts
     avoided: bool = False
 
@@ -190,12 +190,12 @@ class Unit:
         """Return what the clip has in common with others."""
         return ClipGroup(self.clip.case.family, self.step.draft.rank)
 
-    def way(self, plan: int, how: How = How.ANEW) -> Way:
+    def way(self, plan: int, how: How = How.ANEW) -> DrawMethod:
         """Return the way of a plan."""
         if how is How.EARLIER:
             return EARLIER_WAY
         names = SEARCHED_WAY.operators if plan == SEARCHED else tuple(name for name, _ in self.plans[plan])
-        return Way(names, how)
+        return DrawMethod(names, how)
 
     @property
     def open_plans(self) -> list[int]:
@@ -242,11 +242,11 @@ class ClipDraws:
         return self.units[0].group
 
     @property
-    def ways(self) -> tuple[Way, ...]:
+    def ways(self) -> tuple[DrawMethod, ...]:
         """Return the ways of the plans that are not exhausted, sorted."""
         return tuple(sorted({unit.way(plan) for unit in self.units for plan in unit.open_plans}))
 
-    def anew(self, way: Way) -> Option:
+    def anew(self, way: DrawMethod) -> Option:
         """Return the next independent draw of one of `ways`."""
         able = [(unit, plan) for unit in self.units for plan in unit.open_plans if unit.way(plan) == way]
         return Option(*min(able, key=lambda pair: (pair[0].numbers, pair[0].turns[pair[1]])))
@@ -267,9 +267,9 @@ class ClipDraws:
                 if facts and (facts.story if how is How.WEAKER else facts.nearness >= NEAR_ENOUGH):
                     yield Option(unit, drawn.request.draw.plan, drawn)
 
-    def best_bases(self, how: How, useful: Callable[[Option], bool] = lambda _: True) -> dict[Way, Option]:
+    def best_bases(self, how: How, useful: Callable[[Option], bool] = lambda _: True) -> dict[DrawMethod, Option]:
         """Return, for each way, the `useful` base that came nearest, the first one drawn of equals."""
-        best: dict[Way, Option] = {}
+        best: dict[DrawMethod, Option] = {}
         for option in filter(useful, self.bases(how)):
             way = option.unit.way(option.plan, how)
             if way not in best or self.nearness(option) > self.nearness(best[way]):

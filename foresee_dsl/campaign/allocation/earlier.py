@@ -16,10 +16,11 @@ from foresee_dsl.campaign.steps.inputs import clip_of
 from foresee_dsl.campaign.steps.requests import RequestedMutant
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import absolute
 from foresee_dsl.language.model import Change, Clip, Mutant, Quantity
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.addresses import SUFFIX, absolute, is_inside
+from foresee_dsl.language.project.addresses import SUFFIX, is_inside
 
 WITHIN_S = 2.0
 """Largest time between the beginnings of two clips in which the same changes are run, s. Ours: as `APART_S` of the

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, Option, PastChild, RoundBudget, Way
+from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, DrawMethod, Option, PastChild, RoundBudget
 from foresee_dsl.derive.mutate import How
 
 NEW_UNAVOIDED = 0.5
@@ -104,8 +104,8 @@ class Estimates:
         self.archive = Archive()
         self.failing: defaultdict[tuple[object, ...], Share] = defaultdict(Share)
         self._new, self._avoided = tuple(Share() for _ in NEW), Share()
-        self._avoided_by: defaultdict[Way, Share] = defaultdict(Share)
-        self._given_out: Counter[tuple[str, Way]] = Counter()
+        self._avoided_by: defaultdict[DrawMethod, Share] = defaultdict(Share)
+        self._given_out: Counter[tuple[str, DrawMethod]] = Counter()
         """Number of mutants of this round that were given out, by clip and way."""
         self._unfailed: defaultdict[str, float] = defaultdict(lambda: 1.0)
         """Probability that no mutant of this round fails, by clip."""
@@ -121,7 +121,7 @@ class Estimates:
                 self._avoided.add(child.avoided)
                 self._avoided_by[child.way].add(child.avoided)
 
-    def fails(self, clip: str, group: ClipGroup, way: Way) -> float:
+    def fails(self, clip: str, group: ClipGroup, way: DrawMethod) -> float:
         """Return the probability that the next mutant of an arm fails."""
         mean = self.failing["all",].near(FAILS)
         factors = (self.failing[name].near(mean, weight=GROUP_WEIGHT) / mean for name in groups(way, group)[1:])
@@ -129,7 +129,7 @@ class Estimates:
         estimate = self.failing["clip", clip].near(estimate)
         return self.failing[clip, way].near(estimate, weight=OWN_WEIGHT, more=self._given_out[clip, way])
 
-    def gain(self, clip: str, group: ClipGroup, way: Way, *, of_known: bool = False) -> Gain:
+    def gain(self, clip: str, group: ClipGroup, way: DrawMethod, *, of_known: bool = False) -> Gain:
         """Return the expected gain of an arm; `of_known`: a failure would have a story that the clip already has."""
         fails = self.fails(clip, group, way)
         avoided = self._avoided_by[way].near(self._avoided.near(AVOIDED))
@@ -147,12 +147,12 @@ class Estimates:
         now, then = (min(failures + k, len(NEW) - 1) for k in (0, 1))
         return self._new[now].near(NEW[now]), self._new[then].near(NEW[then])
 
-    def expect(self, clip: str, way: Way, fails: float) -> None:
+    def expect(self, clip: str, way: DrawMethod, fails: float) -> None:
         """Count a mutant of this round that has not run."""
         self._given_out[clip, way] += 1
         self._unfailed[clip] *= 1 - fails
 
-    def words(self, clip: str, group: ClipGroup, way: Way) -> str:
+    def words(self, clip: str, group: ClipGroup, way: DrawMethod) -> str:
         """Return the counts behind an arm's gain in words."""
         same, rank = self.failing["way", way], self.failing["rank", group.rank]
         operators, own = "+".join(way.operators), len(self.archive.by_clip.get(clip, ()))
@@ -163,7 +163,7 @@ class Estimates:
         return f"failed so far: {by_way}; {by_rank}; {own or 'none'} of its clip"
 
 
-def groups(way: Way, clip: ClipGroup) -> tuple[tuple[object, ...], ...]:
+def groups(way: DrawMethod, clip: ClipGroup) -> tuple[tuple[object, ...], ...]:
     """Return the groups of mutants that a mutant belongs to: all of them, and those of equal kind, way, family and
     rank.
     """
@@ -204,7 +204,7 @@ class _Arm(NamedTuple):
     """The best way of drawing from a clip, and the mutant that it would give."""
 
     gain: Gain
-    way: Way
+    way: DrawMethod
     option: Option
 
 
@@ -227,7 +227,7 @@ def _useful(clip: ClipDraws, estimates: Estimates) -> Callable[[Option], bool]:
     return useful
 
 
-def _arm(clip: ClipDraws, estimates: Estimates, way: Way, option: Option) -> _Arm:
+def _arm(clip: ClipDraws, estimates: Estimates, way: DrawMethod, option: Option) -> _Arm:
     return _Arm(estimates.gain(clip.pin, clip.group, way, of_known=way.how is How.WEAKER), way, option)
 
 

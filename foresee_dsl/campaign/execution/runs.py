@@ -12,6 +12,7 @@ from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import DriverError
+from foresee_dsl.language.printer import quotable
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunRecord, RunResult, Verdict
@@ -87,7 +88,7 @@ def broken_verdict(broken: BrokenTask) -> tuple[Verdict, str]:
     """Return the verdict of a run without a result, and the reason in one line."""
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
     begins = {"raised": "the run raised ", "crash": "", "timeout": "timeout: the run "}.get(broken.how, "the run ")
-    return verdict, " ".join((begins + broken.reason).split()).replace('"', "'")[:LONGEST_REASON]
+    return verdict, quotable(begins + broken.reason, LONGEST_REASON)
 
 
 def broken_run(kind: type[R], broken: BrokenTask, **more: Any) -> R:  # noqa: ANN401 - fields of any type

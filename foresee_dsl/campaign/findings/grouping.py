@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
+from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
-from foresee_dsl.documents import or_null
+from foresee_dsl.documents import or_null, where_set
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -76,6 +77,7 @@ class Finding:
             "why": self.run.preventability and self.run.preventability.why,
             "anticipation": self.run.anticipation and self.run.anticipation.answer,
             "anticipation_why": self.run.anticipation and self.run.anticipation.why,
+            "opinions": where_set(or_null(self.run.opinions)),
             "avoided": self.avoided,
             "references": self.run.references,
             "ego_manoeuvre": self.story.ego_manoeuvre,
@@ -244,12 +246,6 @@ def _failures(seeds: Iterable[CaseRunOutcome], clips: Iterable[ClipOutcome]) -> 
         for child in clip.failing:
             if child.story is not None:
                 yield Finding(child.name, child.story, child, clip.seed, clip.family, child.file, clip.file)
-
-
-def case_file_name(address: str, scenario: str) -> str:
-    """Return the beginning of the names of a test case's files: `red_light_runner_r02`."""
-    case = address.partition("::")[2]
-    return f"{scenario}_{case}" if case else scenario
 
 
 def _simplicity(run: Failure) -> tuple[int, bool, float]:

@@ -9,9 +9,10 @@ from typing import Any
 
 from foresee_dsl.campaign.findings.written import JSON, read_written
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.project.addresses import absolute, is_file, kind_of
+from foresee_dsl.language.project.addresses import is_file, kind_of
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any, Self
 from pydantic import TypeAdapter, ValidationError
 
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
+from foresee_dsl.avoidance.judge import Opinion
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
@@ -64,6 +65,7 @@ class WrittenFinding:
     why: str | None = None
     anticipation: Answer | None = None
     anticipation_why: str | None = None
+    opinions: tuple[Opinion, ...] = ()
     minimised: WrittenMinimised | None = None
 
     @classmethod
@@ -76,7 +78,7 @@ class WrittenFinding:
         """Return the answers of the judges, with their reasons but without their figures."""
         braking = (Preventability(self.preventability, self.why or ""),) if self.preventability is not None else ()
         ahead = (Anticipation(self.anticipation, self.anticipation_why or ""),) if self.anticipation is not None else ()
-        return (*braking, *ahead)
+        return (*braking, *ahead, *self.opinions)
 
 
 @dataclass(frozen=True)

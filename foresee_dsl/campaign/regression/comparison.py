@@ -16,7 +16,7 @@ SIGNIFICANT = 0.05
 
 
 @dataclass(frozen=True)
-class Measure:
+class NearLimit:
     """A measure of near misses, with the limit of near values and the smallest change that is reported.
 
     Attributes:
@@ -32,11 +32,11 @@ class Measure:
     sign: int = -1
 
 
-MEASURES: Mapping[str, Measure] = {
-    "distance_m": Measure("distance", "m", 1.0, 0.2),
-    "ttc_s": Measure("time to collision", "s", 2.0, 0.2),
-    "pet_s": Measure("post-encroachment time", "s", 2.0, 0.2),
-    "drac_mps2": Measure("braking needed", "m/s^2", 3.0, 0.5, 1),
+MEASURES: Mapping[str, NearLimit] = {
+    "distance_m": NearLimit("distance", "m", 1.0, 0.2),
+    "ttc_s": NearLimit("time to collision", "s", 2.0, 0.2),
+    "pet_s": NearLimit("post-encroachment time", "s", 2.0, 0.2),
+    "drac_mps2": NearLimit("braking needed", "m/s^2", 3.0, 0.5, 1),
 }
 """The measures. Their limits are ours: conflict studies call times below 1.5 s to 3 s serious, and 3 m/s^2 is harsh
 braking. Each smallest reported change is several times the effect of a decision that is 0.1 s later.

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.printer import INDENT, print_item, print_model
+from foresee_dsl.language.printer import INDENT, print_item, print_model, quotable
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import walk
 
@@ -80,7 +80,7 @@ def with_doc(text: str, sentence: str) -> str:
 
 def as_text(sentence: str) -> str:
     """Return a sentence in the form of a text of the language: one line, without double quotes, not too long."""
-    return " ".join(sentence.replace('"', "'").split())[:_LONGEST]
+    return quotable(sentence, _LONGEST)
 
 
 def sentence_in(document: Document) -> str:

@@ -14,7 +14,7 @@ from foresee_dsl.campaign.regression.expectations import expected_of, name_to_re
 from foresee_dsl.campaign.regression.suite import PARENTS, stated_in, tests_in, write_index
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import ForeseeError, InputError
-from foresee_dsl.files import read_outside, replacing
+from foresee_dsl.files import absolute, read_outside, replacing
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.plain import plain_text
 from foresee_dsl.language.parser import load, parse
@@ -89,17 +89,17 @@ def prune(folder: Path) -> tuple[Path, ...]:
     """
     tests = tests_in(folder)
     needed: set[Path] = set()
-    todo = [a.absolute(file) for file in tests]
+    todo = [absolute(file) for file in tests]
     while todo:
         file = todo.pop()
         if file not in needed:
             needed.add(file)
             if file.suffix == a.SUFFIX and a.is_file(file):
-                todo += [a.absolute(file.parent / path) for path in paths_in(load(file))]
+                todo += [absolute(file.parent / path) for path in paths_in(load(file))]
     inside = folder / PARENTS
     there = sorted(inside.rglob("*")) if inside.is_dir() else []
     files = [file for file in there if file.name.endswith((a.SUFFIX, a.TRACKS, *a.FOREIGN_NETWORKS))]
-    removed = tuple(file for file in files if a.absolute(file) not in needed)
+    removed = tuple(file for file in files if absolute(file) not in needed)
     for file in removed:
         file.unlink()
     for left in sorted((inside, *filter(Path.is_dir, there)), reverse=True):
@@ -166,13 +166,13 @@ class _Writer:
     def _here(self, source: Path, text: str, prefix: str) -> str:
         """Return a file's text with the suite's paths of the files that it needs."""
         document = parse(text, str(source))
-        paths = {path: prefix + self._place(a.absolute(source.parent / path)) for path in paths_in(document)}
+        paths = {path: prefix + self._place(absolute(source.parent / path)) for path in paths_in(document)}
         return with_paths(text, paths)
 
     def _place(self, source: Path) -> str:
         """Return the name in `parents/` of a required file; plan a copy if it is not there."""
         if source not in self._names:
-            inside = a.absolute(self._folder / PARENTS)
+            inside = absolute(self._folder / PARENTS)
             if source.is_relative_to(inside):
                 self._names[source] = source.relative_to(inside).as_posix()
             else:
@@ -263,7 +263,7 @@ def _child(failure: NamedFailure, *, full: bool) -> Source:
     origin = case.mutant.origin if case.mutant is not None else None
     text = read_outside(file).decode("utf-8")
     sentence = failure.sentence if small is None else failure.sentence_minimised or failure.sentence
-    return Source(file.stem, a.absolute(file), text, case, small is not None, sentence, recorded_in(origin))
+    return Source(file.stem, absolute(file), text, case, small is not None, sentence, recorded_in(origin))
 
 
 def _test_case(address: str, failure: NamedFailure | None = None) -> Source:

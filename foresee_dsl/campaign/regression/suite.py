@@ -13,7 +13,7 @@ from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import DRIVER, in_words, recorded_in
 from foresee_dsl.drivers.registry import DRIVERS, name_in, recorded_address
 from foresee_dsl.errors import InputError
-from foresee_dsl.files import read_outside, templates, write_whole
+from foresee_dsl.files import absolute, read_outside, templates, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
@@ -39,7 +39,7 @@ def _is_suite(folder: Path) -> bool:
 
 def suite_folder(file: Path) -> Path | None:
     """Return the suite that contains a file: the nearest folder above with an index."""
-    return next((folder for folder in a.absolute(file).parents if _is_suite(folder)), None)
+    return next((folder for folder in absolute(file).parents if _is_suite(folder)), None)
 
 
 def tests_in(folder: Path) -> tuple[Path, ...]:
@@ -53,7 +53,7 @@ def role_of(file: Path) -> str:
     folder = suite_folder(file)
     if folder is None:
         return ""
-    return "parent" if a.absolute(file).is_relative_to(folder / PARENTS) else "test"
+    return "parent" if absolute(file).is_relative_to(folder / PARENTS) else "test"
 
 
 _STATES = re.compile(rb"^[ \t{;]*expected\b", re.MULTILINE)

@@ -28,10 +28,9 @@ from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
 from foresee_dsl.errors import InputError
-from foresee_dsl.files import read_outside, write_whole
+from foresee_dsl.files import absolute, read_outside, write_whole
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
-from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
 from foresee_dsl.simulate.results.verdict import Hang, RunRecord, Verdict

@@ -12,7 +12,7 @@ from foresee_dsl.campaign.driving import DriverSetup, notes_of
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
 from foresee_dsl.campaign.steps.inputs import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, share_within, with_fidelity
+from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation, share_within, with_fidelity
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -87,7 +87,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
 
 def measure_clip(
     model: Clip, parent: TestCase, parent_trace: Trace, file: Path, setup: DriverSetup
-) -> tuple[Clip, TestCase, RunResult, Deviation]:
+) -> tuple[Clip, TestCase, RunResult, ClipDeviation]:
     """Run a clip without mutation and write its deviation from its parent into it.
 
     Returns:
@@ -100,7 +100,7 @@ def measure_clip(
 
 def _measured(
     model: Clip, case: TestCase, parent_trace: Trace, setup: DriverSetup
-) -> tuple[Clip, RunResult, Deviation]:
+) -> tuple[Clip, RunResult, ClipDeviation]:
     result = setup.run(case)
     fidelity = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
     return with_fidelity(model, fidelity), result, fidelity

@@ -17,10 +17,10 @@ from enum import StrEnum
 from pathlib import Path
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import read_outside_text, write_whole
+from foresee_dsl.files import absolute, read_outside_text, write_whole
 from foresee_dsl.helps import Help
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.project.addresses import absolute, marked, project_folder
+from foresee_dsl.language.project.addresses import marked, project_folder
 
 FILE = "triage.toml"
 """Name of the file in a project's folder."""

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 import typer
 from typer.models import OptionInfo
 
-from foresee_dsl.campaign.settings import OPTION, CampaignSettings, SettingOption
+from foresee_dsl.campaign.settings import OPTION, CampaignLimits, CampaignSettings, SettingOption
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
+from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -28,6 +29,33 @@ if TYPE_CHECKING:
 
 CPUS = os.cpu_count() or 1
 Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
+StoreOption = Annotated[
+    Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
+]
+ShardOption = Annotated[
+    str,
+    typer.Option(
+        "--shard",
+        metavar="K/N",
+        help="Run only the K-th of N parts of the campaign, for job arrays; all/N joins the N parts.",
+    ),
+]
+ExecutorOption = Annotated[
+    str,
+    typer.Option(
+        "--executor", help="Where the runs are computed: local (processes on this machine) or dask (a cluster)."
+    ),
+]
+SchedulerOption = Annotated[
+    str,
+    typer.Option("--scheduler", help="Address of the Dask scheduler; by default a cluster is started on this machine."),
+]
+MemoryOption = Annotated[float, typer.Option("--memory", min=100, help="Memory limit of a worker, in MB.")]
+"""Its default is `CampaignLimits.memory_mb`."""
+BudgetOption = Annotated[
+    float | None, typer.Option("--budget", min=0, help="Time in minutes after which no new run begins.")
+]
+RetryOption = Annotated[bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier campaign.")]
 Paths = Annotated[
     list[str],
     typer.Argument(
@@ -105,19 +133,10 @@ class Flags:
     settings: Mapping[str, Any]
     jobs: Jobs = CPUS
     out: common.OutOption = Path("out")
-    store: Annotated[
-        Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
-    ] = None
+    store: StoreOption = None
     first: common.FirstOption = None
     only: common.OnlyOption = None
-    shard: Annotated[
-        str,
-        typer.Option(
-            "--shard",
-            metavar="K/N",
-            help="Run only the K-th of N parts of the campaign, for job arrays; all/N joins the N parts.",
-        ),
-    ] = ""
+    shard: ShardOption = ""
     allow_outside: common.AllowOutsideOption = False
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the programs that the campaign's file names as drivers.")
@@ -320,6 +339,13 @@ def _make_once(driver: str) -> Driver:
         raise DriverError(f"{safe(err, 10_000)}\n{lines}".rstrip()) from err
 
 
+def limits_of(
+    deadline_s: float | None, memory_mb: float, budget_min: float | None, step_deadline_s: float | None
+) -> CampaignLimits:
+    """Return the limits that `--deadline`, `--memory`, `--budget` (minutes) and `--step-deadline` set."""
+    return CampaignLimits(deadline_s, memory_mb, None if budget_min is None else budget_min * 60, step_deadline_s)
+
+
 def shard_of(text: str) -> Shard:
     """Return the part of a campaign that `--shard` selects; for "", the whole campaign."""
     from foresee_dsl.campaign.settings import Shard
@@ -332,7 +358,7 @@ def shard_of(text: str) -> Shard:
 
 def of_other_versions(store: Path, count: int) -> str:
     """Return the message about results that other versions of this tool computed."""
-    results = f"{common.counted(count, 'result')} in {store} {'is' if count == 1 else 'are'}"
+    results = f"{counted(count, 'result')} in {store} {'is' if count == 1 else 'are'}"
     return (
         f"{results} of another version of foresee-dsl and may differ: not used "
         f"(foresee store gc {store} --older deletes them)"
@@ -353,10 +379,10 @@ def _damage_in(store: Store) -> str:
     if store.damaged:
         names = sorted(set(store.damaged.values()))
         listed = ", ".join(safe(name, 80) for name in names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
-        sentences.append(f"{common.counted(len(store.damaged), 'result')} had been changed on the disk: {listed}")
+        sentences.append(f"{counted(len(store.damaged), 'result')} had been changed on the disk: {listed}")
     if store.rescued is not None:
-        lost = f", at least {common.counted(store.lost, 'result')} could not" if store.lost else ""
-        sentences.append(f"{common.counted(store.rescued, 'result')} could be read from its database{lost}; the old "
+        lost = f", at least {counted(store.lost, 'result')} could not" if store.lost else ""
+        sentences.append(f"{counted(store.rescued, 'result')} could be read from its database{lost}; the old "
                     "database is kept as runs.damaged-*.sqlite")  # fmt: skip
     return (
         f"The store {store.folder} was damaged. {'; '.join(sentences)}. The campaign ran the missing results again."

@@ -18,6 +18,7 @@ from typer.core import TyperCommand
 from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 from foresee_dsl.language.campaign_values import SEED, RulesMode
+from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -230,11 +231,6 @@ def give(text: str) -> None:
     from foresee_dsl.files import write_whole
 
     write_whole(output, text)
-
-
-def counted(number: int, noun: str) -> str:
-    """Return `1 file` or `3 files`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:

@@ -14,7 +14,6 @@ from foresee_dsl.cli.options.common import (
     AllowOutsideOption,
     JsonOption,
     console,
-    counted,
     give,
     json_document,
     print_diagnostics,
@@ -22,6 +21,7 @@ from foresee_dsl.cli.options.common import (
 )
 from foresee_dsl.cli.options.output import format_option
 from foresee_dsl.report.formats import PEOPLE, CommandReport, rendered
+from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

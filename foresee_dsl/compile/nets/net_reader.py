@@ -18,6 +18,7 @@ from foresee_dsl.compile.roads.topology import (
     Movement,
     Topology,
     WalkingArea,
+    junction_of,
 )
 from foresee_dsl.language.model import Turn
 
@@ -92,7 +93,7 @@ def topology_of(root: Element) -> Topology:
                 id=name,
                 lane=lanes[f"{name}_0"],
                 edges=over[name],
-                junction=_junction_of(name),
+                junction=junction_of(name),
                 tls=signals[name][0] if name in signals else None,
                 link=signals[name][1] if name in signals else -1,
                 index=rows.get(f"{name}_0", -1),
@@ -101,7 +102,7 @@ def topology_of(root: Element) -> Topology:
             if function == "crossing"
         },
         walking_areas={
-            name: WalkingArea(id=name, junction=_junction_of(name), polygon=lanes[f"{name}_0"].shape)
+            name: WalkingArea(id=name, junction=junction_of(name), polygon=lanes[f"{name}_0"].shape)
             for name, function in functions.items()
             if function == "walkingarea"
         },
@@ -234,8 +235,3 @@ def _footways(
         if all(lanes[lane].kinds == {"pedestrian"} for _, lane in ends):
             first, second = (edge if functions[edge] == "walkingarea" else lane for edge, lane in ends)
             yield first, get.get("via", second)
-
-
-def _junction_of(internal_edge: str) -> str:
-    """Return the junction of an internal edge: `j4` for `:j4_c0`."""
-    return internal_edge[1:].rsplit("_", 1)[0]

@@ -34,7 +34,7 @@ MAX_EDGES = 12
 """Longest random route, edges (ours)."""
 TURN_WEIGHTS = {"straight": 3.0, "left": 1.0, "right": 1.0, "back": 0.0}
 """Weights of the turns at a junction: three in five go straight on at a crossroads (ours)."""
-REACTION_S = 1.0
+SUMO_TAU_S = 1.0
 """Reaction time of SUMO's Krauss model, s (its default tau); with it, SUMO considers the start speeds safe."""
 PACE = (0.8, 1.05)
 """Range of cruise speeds as a share of the limit: most drive a little slower, few a little faster (ours)."""
@@ -179,7 +179,7 @@ class _Around:
         ahead = [front_m - other.model.length_m for front_m, other in self._slots[actor.lane]]
         ahead = [rear for rear in ahead if rear > front]
         gap_m = max(min([*ahead, line.length_m]) - front - 1.0, 0.0)
-        lost = braking * REACTION_S
+        lost = braking * SUMO_TAU_S
         return replace(actor, speed_mps=min(actor.speed_mps, math.sqrt(lost * lost + 2 * braking * gap_m) - lost))
 
     def _has_room(self, actor: PlacedActor, gap_m: float) -> bool:
@@ -202,7 +202,7 @@ class _Around:
             return False
         for other_front, other in self._slots.get(lane.id, ()):
             # a vehicle behind must be able to stop, because a queue may form here
-            reach = other.speed_mps * REACTION_S + other.speed_mps**2 / (2 * other.model.braking_mps2)
+            reach = other.speed_mps * SUMO_TAU_S + other.speed_mps**2 / (2 * other.model.braking_mps2)
             if rear < other_front + max(GAP_M, reach) and front > other_front - other.model.length_m - GAP_M:
                 return False
         return True

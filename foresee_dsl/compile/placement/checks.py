@@ -14,7 +14,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import metres
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.errors import Message, measured
+from foresee_dsl.errors import Message, measured, subject
 from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written
@@ -97,7 +97,7 @@ def of_overlaps(
                 continue
             apart = math.hypot(placed[k].x - placed[j].x, placed[k].y - placed[j].y)
             if apart < reach[k] + reach[j] and common_area(box, boxes[j]) > _TOUCH_M2:
-                message = f"{placed[k].id} starts on top of {placed[j].id}"
+                message = subject(placed[k].id) + f" starts on top of {placed[j].id}"
                 help_: HelpText = (
                     f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
                 )

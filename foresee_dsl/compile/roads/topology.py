@@ -220,6 +220,12 @@ class Topology:
         """Return the number that is added to a lane's index to get that of the lane `left` lanes to its left."""
         return -left if self.left_hand else left
 
+    def lane_beside(self, lane: Lane, side: int) -> Lane | None:
+        """Return the lane of the same edge to the left (1) or right (-1) of a lane, if any."""
+        edge = self.edges.get(lane.edge)
+        index = lane.index + self.lanes_to(side)
+        return None if edge is None or not 0 <= index < len(edge.lanes) else edge.lanes[index]
+
     def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
         """Return the movements that leave an edge and are open to a kind."""
         return tuple(m for m in self._movements_by.get(("from", edge), ()) if kind in m.kinds)
@@ -294,6 +300,11 @@ class Topology:
             for key in (("from", movement.from_edge), ("into", movement.to_lane), *through):
                 movements.setdefault(key, []).append(movement)
         return movements
+
+
+def junction_of(edge: str) -> str:
+    """Return the junction of an internal edge, `j4` for `:j4_c0`; "" for an edge outside junctions."""
+    return edge[1:].rpartition("_")[0] if edge.startswith(":") else ""
 
 
 def per_network(make: Callable[[_Network], _Value]) -> Callable[[_Network], _Value]:

@@ -19,7 +19,7 @@ local roads (0.29 m, Reid et al. 2019)."""
 
 
 @dataclass(frozen=True)
-class Deviation:
+class ClipDeviation:
     """The distances of the actors in a clip's run from their places in the parent's run.
 
     Attributes:
@@ -66,7 +66,7 @@ def share_within(deviations: Sequence[float]) -> float:
     return sum(far <= WITHIN_M for far in deviations) / len(deviations) if deviations else 1.0
 
 
-def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Container[str] = frozenset()) -> Deviation:
+def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Container[str] = frozenset()) -> ClipDeviation:
     """Compare the run of an unmutated clip with its parent's.
 
     While an actor is in the world in one run only, its distance is measured to its last place in the other run, unless
@@ -98,10 +98,10 @@ def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Contain
         here = child.states[:frames, columns[info.id], [X, Y]]
         distances[info.id] = _apart(here[first:], there[first:])
     # An actor that the clip could not place in the world has no position, so its distance is infinite.
-    return Deviation({actor: math.inf if math.isnan(far) else far for actor, far in distances.items()}, frames)
+    return ClipDeviation({actor: math.inf if math.isnan(far) else far for actor, far in distances.items()}, frames)
 
 
-def with_fidelity(clip: Clip, measured: Deviation) -> Clip:
+def with_fidelity(clip: Clip, measured: ClipDeviation) -> Clip:
     """Return the clip with a new `fidelity` line (to the centimetre), which replaces a present one."""
     line = Fidelity(
         deviation=Quantity.of(measured.largest_others_m, "length", 2), ego=Quantity.of(measured.ego_m, "length", 2)

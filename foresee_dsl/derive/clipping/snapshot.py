@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.placement.statements import item, playback_of, track_of
+from foresee_dsl.compile.roads.topology import junction_of
 from foresee_dsl.compile.tracks import read_tracks
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.document import TestCase
@@ -57,13 +58,8 @@ def edges_driven(trace: Trace, actor: int, frame: int) -> list[str]:
 
 def has_passed(trace: Trace, actor: int, junction: str, frame: int) -> bool:
     """Return whether an actor was on a junction and has left it at a frame."""
-    on = [_junction_of(edge) == junction for edge in edges_driven(trace, actor, frame)]
+    on = [junction_of(edge) == junction for edge in edges_driven(trace, actor, frame)]
     return any(on) and not on[-1]
-
-
-def _junction_of(edge: str) -> str:
-    """Return the junction of an edge: `:j4_3` lies in junction `j4`."""
-    return edge[1:].rpartition("_")[0] if edge.startswith(":") else ""
 
 
 _DIGITS = 6

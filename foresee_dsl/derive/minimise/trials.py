@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
-from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
+from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation
 from foresee_dsl.derive.minimise.candidate import BuiltCandidate, Subject, TrialCandidate, build
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.model import Actor
@@ -71,7 +71,7 @@ class Trials:
         """Whether a run was skipped because the budget was used up."""
         self._judge, self._limit_m, self._budget = judge, limit_m, budget
         self._trials: dict[TrialCandidate, Trial] = {}
-        self._clips: dict[str, Deviation | None] = {}
+        self._clips: dict[str, ClipDeviation | None] = {}
         self._answers: dict[TrialCandidate, str] = {}
         self._wanted: tuple[str, ...] | None = None
         self._own: tuple[Trace | None, ...] = ()
@@ -129,7 +129,7 @@ class Trials:
         """Return all candidates that were run and their trials, in the order of the runs."""
         return self._trials.items()
 
-    def fidelity(self, candidate: TrialCandidate) -> Deviation | None:
+    def fidelity(self, candidate: TrialCandidate) -> ClipDeviation | None:
         """Return the deviation of a candidate's unmutated clip; None if it was not measured."""
         built = self._trials[candidate].built
         return self._clips.get(built.clip_case.meaning) if built is not None else None
@@ -170,7 +170,7 @@ class Trials:
         strays = self._clips[key]
         return strays is not None and strays.largest_m <= self._limit_m
 
-    def _strays(self, built: BuiltCandidate, candidate: TrialCandidate) -> Deviation | None:
+    def _strays(self, built: BuiltCandidate, candidate: TrialCandidate) -> ClipDeviation | None:
         """Return the deviation of the unmutated clip from its parent's run; None if the clip does not pass."""
         there = self._reference()
         trace = self._passed(built)

@@ -15,7 +15,7 @@ import numpy as np
 
 from foresee_dsl.drivers.bundled import NO_FUTURES, BundledDriver, Memory
 from foresee_dsl.drivers.parts import DriverPart, PlannedMotion
-from foresee_dsl.drivers.pdm.route import build_route
+from foresee_dsl.drivers.pdm.route import DriverRoute, build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracks
@@ -39,19 +39,29 @@ class _State:
     """The state of the driver from one `reset` to the next.
 
     It holds the route, the ego's record [1] and the memory of that record as floats, the tracks and the signals.
+
+    Attributes:
+        route: the route that it follows.
+        tracker: tracks the other actors.
     """
 
+    route: DriverRoute
+
     def __init__(self, mission: Mission, vehicle: VehicleLimits, memory: Memory) -> None:
-        route = self._route = build_route(mission, vehicle)
+        self.follow(build_route(mission, vehicle))
         self._egos = ego_record(vehicle)
         self._numbers, self._strongest_mps2 = self._egos.view(np.float64).data, float(self._egos["strongest"][0])
-        self._tracker, self._signals, self._memory = memory.tracker, memory.signals, memory
+        self.tracker, self._signals, self._memory = memory.tracker, memory.signals, memory
         self._last: _Decision | None = None
         self._vehicle = vehicle
-        self._road = route.points, route.coarse, route.foes, route.paths, route.junctions
-        self._braking = signal_brakings(route, self._strongest_mps2, {})
+        self._braking = signal_brakings(self.route, self._strongest_mps2, {})
         self._decide, self._hold = direct(decide), direct(hold)
         self._explained: tuple[_Decision | None, tuple[Reason, ...]] = (None, ())
+
+    def follow(self, route: DriverRoute) -> None:
+        """Follow this route from the next step on; its junctions are those of the mission."""
+        self.route = route
+        self._road = route.points, route.coarse, route.foes, route.paths, route.junctions
 
     def step(self, observation: Observation) -> Control:
         """Decide again if the object list is new, otherwise continue the last decision.
@@ -59,11 +69,11 @@ class _State:
         The standard sensors give a new list every second step, which fits PDM's planning at 10 Hz.
         """
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        route, egos, last = self._route, self._egos, self._last
+        route, egos, last = self.route, self._egos, self._last
         write_state(self._numbers, observation.ego)
         if last is not None and measured_s == last.measured_s:
             return Control(*self._hold(egos, route.points, route.coarse, last.offset_m, last.acceleration_mps2))
-        tracks, signals = self._tracker.update(observation), self._signals.update(observation)
+        tracks, signals = self.tracker.update(observation), self._signals.update(observation)
         if last is None or signals != last.signals:
             self._braking = signal_brakings(route, self._strongest_mps2, signals)
         futures = self._memory.futures(tracks, TIMES_S)
@@ -75,7 +85,7 @@ class _State:
         """Return the acceleration of the decision in force, and the wheel angle that leads to its offset."""
         if self._last is None:
             return None
-        angle = float(steer(self._egos, self._route.points, self._last.offset_m))
+        angle = float(steer(self._egos, self.route.points, self._last.offset_m))
         return PlannedMotion(self._last.acceleration_mps2, angle)
 
     def explain(self) -> Sequence[Reason]:
@@ -83,7 +93,7 @@ class _State:
         # Imported here, because driving does not need it.
         from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone
 
-        last, route = self._last, self._route
+        last, route = self._last, self.route
         if last is None:
             return ()
         if self._explained[0] is last:  # the object list is not new, so the last decision stays in force

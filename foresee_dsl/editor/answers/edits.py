@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 from foresee_dsl import helps as h
 from foresee_dsl.errors import Diagnostic, Span
@@ -15,8 +15,6 @@ from foresee_dsl.language.messages.suggest import meant_at
 from foresee_dsl.language.syntax.scan import Raw, scan
 from foresee_dsl.language.units import UNITS
 
-LISTED = "one of the"
-"""Prefix of the purpose of edits that insert a name offered in a list; such names come from the file itself."""
 _CONDITION = re.compile(r"(?:if|elif|when(?:\s+(?:once|every|next))?(?:\s+\w+:)?)\s+(?P<condition>.+)", re.DOTALL)
 _VALUE = re.compile(r"-?[0-9]|\([^()]*,[^()]*\)$")
 _WORD = re.compile(r"[a-z]\w*")
@@ -34,12 +32,22 @@ class Fix:
     text: str
 
 
+class Purpose(NamedTuple):
+    """The purpose of an edit: the text that it inserts, or the kind of change.
+
+    `listed`: whether the edit inserts a name that is offered in a list; such names come from the file itself.
+    """
+
+    name: str
+    listed: bool = False
+
+
 def applied(text: str, fix: Fix) -> str:
     """Return a text with an edit made."""
     return text[: fix.start] + fix.text + text[fix.end :]
 
 
-def edits(diagnostic: Diagnostic, span: Span, text: str) -> Iterator[tuple[str, Fix]]:
+def edits(diagnostic: Diagnostic, span: Span, text: str) -> Iterator[tuple[Purpose, Fix]]:
     """Yield the possible edits for a diagnostic's fixes at a place, likely ones first, each with its purpose.
 
     The caller needs only one edit per purpose.
@@ -48,7 +56,7 @@ def edits(diagnostic: Diagnostic, span: Span, text: str) -> Iterator[tuple[str, 
     meant = meant_at(diagnostic.fixes, place.written)
     if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
         start, end, right = meant
-        yield "meant", Fix(f"Write '{right}'", place.start + start, place.start + end, right)
+        yield Purpose("meant"), Fix(f"Write '{right}'", place.start + start, place.start + end, right)
         return
     others = {part for fix in diagnostic.fixes for part in _texts_of(fix)}
     for kind in _IN_ORDER:
@@ -77,26 +85,26 @@ class _Place:
         if not self.written.strip():  # the statement stops too early
             self.end, self.written = self.start, ""
 
-    def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[str, Fix]]:
+    def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[Purpose, Fix]]:
         """Yield the possible edits of a fix at this place, each with its purpose."""
         match fix:
             case h.Rewrite(to):
-                yield from ((to, edit) for edit in self._rewritten(to))
+                yield from ((Purpose(to), edit) for edit in self._rewritten(to))
             case h.GoOn(text):
-                yield text, Fix(f"Add `{text}`", self.end, self.end, f" {text}")
+                yield Purpose(text), Fix(f"Add `{text}`", self.end, self.end, f" {text}")
             case h.InBlock(text, name):
-                yield from ((text, edit) for edit in self.in_block(text, name))
+                yield from ((Purpose(text), edit) for edit in self.in_block(text, name))
             case h.Instead(text, wrong):
-                yield from (("instead", edit) for edit in self.instead(wrong, text))
+                yield from ((Purpose("instead"), edit) for edit in self.instead(wrong, text))
             case h.Write(text) | h.Meant(text):
-                yield from ((text, edit) for edit in self.ways(text))
+                yield from ((Purpose(text), edit) for edit in self.ways(text))
             case h.OneOf(words):
                 for word in words:
-                    yield from ((f"{LISTED} {word}", edit) for edit in self.words(word, message))
+                    yield from ((Purpose(word, listed=True), edit) for edit in self.words(word, message))
             case h.Remove(word):
-                yield from (("removed", edit) for edit in self.removals(word))
+                yield from ((Purpose("removed"), edit) for edit in self.removals(word))
             case h.Rename(everywhere):
-                yield from (("renamed", edit) for edit in self.renamings(everywhere=everywhere))
+                yield from ((Purpose("renamed"), edit) for edit in self.renamings(everywhere=everywhere))
             case _:
                 assert_never(fix)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from foresee_dsl.editor.answers.edits import LISTED, Fix, applied, edits
+from foresee_dsl.editor.answers.edits import Fix, Purpose, applied, edits
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.errors import Diagnostic, Span
@@ -25,7 +25,7 @@ _MOST_OFFERED = 5
 _OF_THE_GRAMMAR = frozenset({"FS003", "FS004", "FS008", "FS009", "FS015", "FS065"})
 """Codes of errors that no edit may cause, at any place."""
 
-_SURE = frozenset({"meant", "closed block"})
+_SURE = frozenset({Purpose("meant"), Purpose("closed block")})
 """Purposes of edits that insert a definite text, not an example."""
 _NAMES: tuple[SymbolKind, ...] = ("actor", "junction", "road", "parameter", "thing")
 _MEANT_BY: Mapping[str, str] = {"gap": "time", "pace": "speed", "speed": "speed", "width": "length", "share": "ratio"}
@@ -48,7 +48,7 @@ def fixes(diagnostic: Diagnostic, span: Span, text: str, check: Check, adapt: Ad
         adapt: replaces the names of an example by names of the file.
     """
     text = plain(text)
-    offered: dict[str, Fix] = {}
+    offered: dict[Purpose, Fix] = {}
     attempts: set[tuple[int, int, str]] = set()
     before: tuple[Diagnostic, ...] | None = None
     for purpose, edit in edits(diagnostic, span, text):
@@ -56,7 +56,7 @@ def fixes(diagnostic: Diagnostic, span: Span, text: str, check: Check, adapt: Ad
             continue
         if len(offered) == _MOST_OFFERED or len(attempts) == _MOST_ATTEMPTS:
             break
-        fix = edit if adapt is None or purpose.startswith(LISTED) else adapt(text, edit)
+        fix = edit if adapt is None or purpose.listed else adapt(text, edit)
         if (fix.start, fix.end, fix.text) in attempts:
             continue
         attempts.add((fix.start, fix.end, fix.text))
@@ -95,7 +95,7 @@ class _Trial:
                 return True
         return False
 
-    def worse(self, before: tuple[Diagnostic, ...], purpose: str) -> bool:
+    def worse(self, before: tuple[Diagnostic, ...], purpose: Purpose) -> bool:
         """Return whether the edit causes an error: a new one in the edited lines, or one of the grammar anywhere.
 
         The grammar reports only the first error of a statement. So fixing it may reveal the next: on the same line, but

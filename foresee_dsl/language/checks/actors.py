@@ -10,8 +10,8 @@ from foresee_dsl.helps import HelpText, in_block, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
+from foresee_dsl.language.model_classes import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.printer import print_item, written
-from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.traversal import walk
 
 _PATHS = ("path", "path_along")

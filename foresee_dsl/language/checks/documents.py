@@ -14,8 +14,9 @@ from foresee_dsl.language.checks.streets import NamedJunction, Ramp, Streets, ch
 from foresee_dsl.language.checks.values import check_values
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model_classes import CLASSES
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.catalogues import CLASSES, SUM_SLACK_M
+from foresee_dsl.language.project.catalogues import SUM_SLACK_M
 from foresee_dsl.language.project.document import Document
 
 

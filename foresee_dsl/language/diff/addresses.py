@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.errors import InputError
-from foresee_dsl.files import read_outside
+from foresee_dsl.files import absolute, read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, Group, kind_of
@@ -112,7 +112,7 @@ def diff_files(
     """Return the differences between two files as written, and between the networks and models that they use."""
     (old_file, a), (new_file, b) = old, new
     if isinstance(a, m.Clip | m.Mutant) and isinstance(b, m.Clip | m.Mutant):
-        if addresses.absolute(old_file.parent / a.parent) == addresses.absolute(new_file.parent / b.parent):
+        if absolute(old_file.parent / a.parent) == absolute(new_file.parent / b.parent):
             b = b.model_copy(update={"parent": a.parent})  # both sides may name the same file from two folders
         return diff_models(a, b)
     if not (isinstance(a, m.Scenario) and isinstance(b, m.Scenario)):
@@ -169,7 +169,7 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
         return inline
     path = file.parent / used.path
     if used.path.endswith(addresses.FOREIGN_NETWORKS) and addresses.is_file(path):
-        return addresses.absolute(path)
+        return absolute(path)
     model = project.definition(path)
     if isinstance(model, m.Network):
         return model
@@ -178,7 +178,7 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
 
 def _used_tracks(file: Path, scenario: m.Scenario) -> Path | None:
     used = scenario.first(m.UseTracks)
-    path = None if used is None else addresses.absolute(file.parent / used.path)
+    path = None if used is None else absolute(file.parent / used.path)
     return path if path is not None and addresses.is_file(path) else None
 
 

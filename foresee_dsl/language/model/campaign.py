@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.campaign_values import AROUND_S, CHILDREN, REPEAT, RISKY_POINTS, SEED
+from foresee_dsl.language.campaign_values import AROUND_S, CHILDREN_BOUNDS, REPEAT, RISKY_POINTS, SEED
 from foresee_dsl.language.model.item import ONE_OF, Block, Bounds, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
@@ -98,7 +98,7 @@ class Children(Item):
     words = "children (statement): the number of mutants per clip | children 4"
 
     sets: ClassVar[Mapping[str, str]] = {"count": "children"}
-    count: Annotated[_Count, Bounds(*CHILDREN)]
+    count: Annotated[_Count, Bounds(*CHILDREN_BOUNDS)]
 
 
 class Repeat(Item):

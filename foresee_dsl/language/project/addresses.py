@@ -175,11 +175,6 @@ def is_inside(path: Path, folders: Iterable[Path]) -> bool:
     return any(real.is_relative_to(folder.resolve()) for folder in folders)
 
 
-def absolute(path: Path) -> Path:
-    """Return an absolute, normalised path; symbolic links stay as they are."""
-    return Path(os.path.abspath(path))  # noqa: PTH100  (Path.absolute keeps `..`, Path.resolve follows links)
-
-
 def relative_to(folder: Path, path: Path) -> str:
     """Return `path` relative to `folder`, with forward slashes, as a file in that folder writes it."""
     try:

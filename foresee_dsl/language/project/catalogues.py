@@ -8,12 +8,8 @@ from types import MappingProxyType
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model_classes import VEHICLE_CLASSES
 from foresee_dsl.language.project.document import Document
-
-VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
-"""The classes of models for the ego and a `vehicle`; every other kind of actor has the class of its own name."""
-CLASSES = (*VEHICLE_CLASSES, "bicycle", "pedestrian", "obstacle")
-"""Every class of models: the part of a model's name before the dot."""
 
 SUM_SLACK_M = 0.0101
 """Largest difference between the length and the sum of overhangs and wheelbase, m: tables round each value to a

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.files import absolute
 from foresee_dsl.language.lints.lint import lint
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.document import Document, TestCase
@@ -44,7 +45,7 @@ def check_paths(
     diagnostics: dict[Diagnostic, None] = {}
     for address, file in addresses:
         try:
-            text = texts.get(a.absolute(file))
+            text = texts.get(absolute(file))
             kind = a.kind_of(file) if text is None else a.kind_of_text(text)
             if kind == "campaign":
                 campaigns.append(project.document(file))
@@ -72,7 +73,7 @@ def _lints(cases: Iterable[TestCase], broken: Container[str]) -> Iterator[Diagno
 
 def _addresses(path: str, overlay: Mapping[Path, str]) -> list[tuple[str, Path]]:
     file, _ = a.parse_address(path)
-    if a.absolute(file) in overlay:
+    if absolute(file) in overlay:
         return [(path, file)]
     if file.is_dir():
         return [(str(f), f) for f in a.scenario_files([file])]

@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.files import read_outside, write_whole
+from foresee_dsl.files import absolute, read_outside, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.addresses import diff_cases
 from foresee_dsl.language.diff.parts import Difference
@@ -19,7 +19,7 @@ from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.language.meaning import clip_pin, pin_of
 from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.parser import load
-from foresee_dsl.language.project.addresses import absolute, display_path, is_folder, kind_of, mistake, scenario_files
+from foresee_dsl.language.project.addresses import display_path, is_folder, kind_of, mistake, scenario_files
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import Project

@@ -27,7 +27,7 @@ from foresee_dsl.language.syntax.foreign import block_of, without_comments
 from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH
-from foresee_dsl.language.syntax.scan import MOST, Cut, Raw, scan
+from foresee_dsl.language.syntax.scan import MOST, CutText, Raw, scan
 
 _Tree = Tree[Token]
 _EXTENDS = re.compile(r"scenario\s+(?!\w+\s*\Z).*\bextends\b", re.DOTALL)
@@ -68,7 +68,7 @@ class Reading:
 
     tree: _Tree
     errors: list[Diagnostic]
-    cut: Cut
+    cut: CutText
 
 
 def read(text: str, most: int = MOST) -> Reading:
@@ -88,7 +88,7 @@ def read(text: str, most: int = MOST) -> Reading:
 
 
 class _Reader:
-    def __init__(self, cut: Cut, most: int) -> None:
+    def __init__(self, cut: CutText, most: int) -> None:
         self._cut, self._text, self._most = cut, cut.text, most
         self.errors = cut.errors
         self._depth = 0

@@ -81,7 +81,7 @@ class Lines:
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class CutText:
     """A text that was cut: its lines, its statements, the errors of its braces, and its comments, in order."""
 
     text: str
@@ -102,7 +102,7 @@ class _Frame:
     """True if its opening brace is missing, so that the indentation determines where it ends."""
 
 
-def scan(text: str) -> Cut:
+def scan(text: str) -> CutText:
     """Cut a text into statements.
 
     If the braces do not balance, the indentation tells where each block should end.
@@ -139,13 +139,13 @@ class _Scanner:
         """Return the number of errors, including those that are not reported."""
         return len(self.errors) + max(len(self._open_blocks) - _SHOWN - 1, 0)
 
-    def run(self) -> Cut:
+    def run(self) -> CutText:
         for piece in _PIECE.finditer(self._text):
             self._take(piece[0], piece.start())
         while len(self._stack) > 1:
             self._unclosed(len(self._text))
         self._few_of_the_unclosed()
-        return Cut(self._text, self._lines, self._stack[0].statements, self.errors, self._comments)
+        return CutText(self._text, self._lines, self._stack[0].statements, self.errors, self._comments)
 
     def _take(self, piece: str, at: int) -> None:
         if piece[0] == "#":

@@ -96,6 +96,17 @@ PAINTS: Mapping[str, Paint] = MappingProxyType(
 """The paint of each kind of shape or text, by the name of the kind."""
 
 
+class TextColour(NamedTuple):
+    """Colours of a word in light and in dark surroundings."""
+
+    light: str
+    dark: str
+
+
+GOOD, BAD = TextColour("#17693a", "#7bd49b"), TextColour("#b3261e", "#ff9a91")
+"""Colours of the verdict of a run that passed, and of any other. Ours: readable on the pages' backgrounds."""
+
+
 def custom_properties(names: Iterable[str], *, dark: bool = False) -> str:
     """Return paints as CSS custom properties with their opacity: `--p-NAME` is the fill, `--p-NAME-line` the line."""
     properties = []

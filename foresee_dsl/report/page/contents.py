@@ -11,8 +11,8 @@ from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import FOLDED
 from foresee_dsl.campaign.assembly import reference_trace
+from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
-from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.campaign.findings.sureness import sureness_of
 from foresee_dsl.campaign.findings.written import (
     WrittenCampaign,
@@ -26,7 +26,8 @@ from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
 from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
-from foresee_dsl.report.verdicts import counted, not_deterministic
+from foresee_dsl.report.safe_text import counted
+from foresee_dsl.report.verdicts import not_deterministic
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25

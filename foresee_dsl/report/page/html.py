@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.files import data_folder, templates, write_whole
 from foresee_dsl.report.drawing.ground import Layer
-from foresee_dsl.report.drawing.palette import custom_properties
+from foresee_dsl.report.drawing.palette import BAD, GOOD, custom_properties
 from foresee_dsl.report.drawing.shapes import LIMITS
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import options_of
@@ -21,8 +21,9 @@ from foresee_dsl.report.page.pictures import heat_map_svg
 from foresee_dsl.report.page.playback import MEASURES
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.show.panels import Role
+from foresee_dsl.report.show.panels import VIEW_S, Role
 from foresee_dsl.report.terminal.raw_numbers import family_title
+from foresee_dsl.simulate.sensing.settings import STANDARD
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -39,7 +40,13 @@ PAINTS = (
     *(f"{role}-halo" for role in Role if role is not Role.GHOST),
 )
 """The paints with which the page's canvas draws."""
-_DRAWING = {"paints": PAINTS, "limits": LIMITS, "measures": MEASURES}
+_DRAWING = {
+    "paints": PAINTS,
+    "limits": LIMITS,
+    "measures": MEASURES,
+    "eye_m": STANDARD.eye_m,
+    "view_s": VIEW_S,
+}
 
 
 def write_report(folders: Sequence[Path], file: Path, *, reasons: bool = False) -> Contents:
@@ -97,7 +104,11 @@ def page_style() -> str:
     template = templates("report", markup=False).get_template("page.css.j2")
     paints = tuple(dict.fromkeys((*PAINTS, *MAP_PAINTS)))
     return template.render(
-        light=custom_properties(paints), dark=custom_properties(paints, dark=True), map_paints=MAP_PAINTS
+        light=custom_properties(paints),
+        dark=custom_properties(paints, dark=True),
+        map_paints=MAP_PAINTS,
+        good=GOOD,
+        bad=BAD,
     )
 
 

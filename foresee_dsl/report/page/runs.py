@@ -18,6 +18,7 @@ from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.documents import or_null, where_set
 from foresee_dsl.drivers.consent import may_start
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.language.model import Doc, Mutant, Origin, Quantity
@@ -128,6 +129,7 @@ class Run:
             "unreduced": self.unreduced,
             "why": self.outcome.record.preventability and self.outcome.record.preventability.why,
             "anticipation_why": self.outcome.record.anticipation and self.outcome.record.anticipation.why,
+            "opinions": where_set(or_null(self.outcome.record.opinions)),
             "commands": self.command_lines,
             "missing": self.missing,
         }

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
-from foresee_dsl.files import data_folder, rendered, templates
-from foresee_dsl.language.project.addresses import absolute
+from foresee_dsl.files import absolute, data_folder, rendered, templates
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.sheet import Sheet
 from foresee_dsl.report.drawing.svg import style_of, svg_of

@@ -16,6 +16,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import distance
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.errors import InputError
+from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language import model as m
@@ -75,7 +76,7 @@ def read_subject(
     if file.name.endswith(a.FOREIGN_NETWORKS) and case is None:
         if not a.is_file(file):
             raise a.missing(file)
-        return _network_alone(file.name, "", a.absolute(file), None)
+        return _network_alone(file.name, "", absolute(file), None)
     document = project.document(file)
     if isinstance(document.model, m.Network):
         about = next((item.text for item in document.model.body if isinstance(item, m.Doc)), "")
@@ -131,7 +132,7 @@ def _network_alone(name: str, about: str, model: m.Network | Path, document: Doc
     if document is not None and isinstance(model, m.Network):
         items = (item for item in model.body if isinstance(item, m.Junction | m.Road))
         places = {item.name: place_of(document, item) for item in items}
-    files = (model,) if isinstance(model, Path) else (a.absolute(Path(document.path)),) if document is not None else ()
+    files = (model,) if isinstance(model, Path) else (absolute(Path(document.path)),) if document is not None else ()
     return SceneSubject(
         title=name,
         about=about,
@@ -249,7 +250,7 @@ def _mistakes(sketch: Sketch, bodies: tuple[Body, ...]) -> Iterator[Mistake]:
         span = diagnostic.span
         text = None
         if span is not None:
-            text = TextPlace(a.absolute(Path(diagnostic.path)), span.line, span.column, span.end_line)
+            text = TextPlace(absolute(Path(diagnostic.path)), span.line, span.column, span.end_line)
         place = at.get(problem.actor)
         if place is None and (junction := sketch.network.junctions.get(problem.about)) is not None:
             place = junction.x, junction.y

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import write_whole
+from foresee_dsl.files import absolute, write_whole
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.report.drawing.svg import svg_of
 from foresee_dsl.report.picture.draw import answer, draw, page_of
@@ -73,7 +73,7 @@ def watch(
     file, case = a.parse_address(address)
     if not a.is_file(file):
         raise a.missing(file)
-    watched = WatchedFile(a.absolute(file), case or "", whole, allow_outside)
+    watched = WatchedFile(absolute(file), case or "", whole, allow_outside)
     token = secrets.token_urlsafe(24)
     try:
         server = ThreadingHTTPServer((LOCAL, port), _handler(watched, token))

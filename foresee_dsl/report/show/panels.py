@@ -39,8 +39,7 @@ AHEAD_SHARE = 0.2
 """Without an opponent, the ego is this share of the window's side behind the middle, so that more of the road ahead is
 visible. Ours."""
 VIEW_S = 3.0
-"""A fixed view contains ego and opponent from this long before the most critical moment, s. Ours; the same as in
-`fitted` of `templates/report/scene.js`."""
+"""A fixed view contains ego and opponent from this long before the most critical moment, s. Ours."""
 _LONGEST_TITLE = 60
 """Maximum length of an actor's name in a tooltip, characters."""
 

@@ -25,14 +25,13 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.campaign.triage.standing import Standing, standing_of
 from foresee_dsl.files import write_whole
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
 from foresee_dsl.report.terminal.tables import duration
 from foresee_dsl.report.verdicts import (
     WHOLE,
     changed_lines,
-    counted,
     not_deterministic,
     verdicts_line,
     without_verdict,

@@ -13,6 +13,8 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
 from foresee_dsl.campaign.findings.review import Mutation, Review
 from foresee_dsl.campaign.findings.sureness import HeatMap, Sureness
+from foresee_dsl.derive.minimise.outcome import Boundary
+from foresee_dsl.documents import read_record
 from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80
@@ -60,13 +62,15 @@ def _review_lines(review: Review) -> Iterator[str]:
         yield from _difference(small)
         yield from _boundary(small)
         yield from _others(review.others)
-    ahead = finding.get("anticipation")
-    if answer or ahead:
+    ahead, opinions = finding.get("anticipation"), finding.get("opinions", ())
+    if answer or ahead or opinions:
         yield from ("", "Would a careful driver have avoided it?")
     if answer:
         yield from wrapped(f"{R157}: {answer}: {finding['why']}", "  ")
     if ahead:
         yield from wrapped(f"{ANTICIPATING}: {ahead}: {finding['anticipation_why']}", "  ")
+    for opinion in opinions:
+        yield from wrapped(f"{opinion['name']}: {opinion['answer']}: {opinion['why']}", "  ")
     if finding.get("references"):
         yield from ("", "Do other drivers avoid it?")
         for run in finding["references"]:
@@ -110,30 +114,26 @@ def _difference(small: Mapping[str, Any] | None) -> Iterator[str]:
 
 
 def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
-    edges = small["boundary"] if small else []
+    edges = [read_record(Boundary, edge) for edge in small["boundary"]] if small else []
     if not edges:
         return
     yield from ("", "Boundary (o passes, X this failure, x another failure)")
     for edge in edges:
-        yield f"  {safe(edge['change'])}"
-        yield f"  {_value(edge, edge['was']):>9} {scale(edge)} {_value(edge, edge['first'])}"
-        yield from wrapped(edge["sentence"].removeprefix(f"{edge['change']} "), " " * 12)
+        yield f"  {safe(edge.change)}"
+        yield f"  {safe(edge.text(edge.was)):>9} {_scale(edge)} {safe(edge.text(edge.first))}"
+        yield from wrapped(edge.sentence.removeprefix(f"{edge.change} "), " " * 12)
 
 
-def scale(edge: Mapping[str, Any]) -> str:
+def _scale(edge: Boundary) -> str:
     """Return a line of marks, one for each value that was run, from the unmutated value to the mutated one."""
-    marks, span = ["-"] * _SCALE, edge["first"] - edge["was"]
+    marks, span = ["-"] * _SCALE, edge.first - edge.was
     order = list(_MARKS)
     # Failures are drawn last, so that they replace a pass at the same place.
-    for run in sorted(edge["tried"], key=lambda run: order.index(run["ended"])):
-        place = (run["value"] - edge["was"]) / span if span else 0.0
+    for run in sorted(edge.tried, key=lambda run: order.index(run.ended)):
+        place = (run.value - edge.was) / span if span else 0.0
         if 0 <= place <= 1:
-            marks[round(place * (_SCALE - 1))] = _MARKS[run["ended"]]
+            marks[round(place * (_SCALE - 1))] = _MARKS[run.ended]
     return "".join(marks)
-
-
-def _value(edge: Mapping[str, Any], value: float) -> str:
-    return f"{value:.2f}{' ' + edge['unit'] if edge['unit'] else ''}"
 
 
 def _others(others: Iterable[Mutation]) -> Iterator[str]:

@@ -9,12 +9,11 @@ from rich.console import Console
 from rich.text import Text
 
 from foresee_dsl.campaign.execution.runs import CaseRun
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.report.terminal.tables import plain_table, print_run_details
 from foresee_dsl.report.verdicts import (
     WHOLE,
     changed_lines,
-    counted,
     ending,
     unfired_lines,
     verdicts_line,

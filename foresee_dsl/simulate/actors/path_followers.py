@@ -15,11 +15,11 @@ import numpy as np
 from foresee_dsl.compile.roads.polyline import Points, Polyline, as_line, line_of
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.lines import speed_points, vertices
-from foresee_dsl.kernels.path_following import OFF_ROAD, Follower, pose_on_path
+from foresee_dsl.kernels.path_following import OFF_ROAD, ActorOnPath, pose_on_path
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 
-_ALONG, _SPEED, _PACE, _STOP = map(Follower._fields.index, ("along", "speed", "pace", "stop"))
+_ALONG, _SPEED, _PACE, _STOP = map(ActorOnPath._fields.index, ("along", "speed", "pace", "stop"))
 
 
 class PathFollower:
@@ -45,7 +45,7 @@ class PathFollower:
     Attributes:
         path: the polyline. line: the polyline with lengths. vertices: its points, as records for kernels. bends: the
             speed limits of its bends, also as records.
-        record: its state and parameters, an array of one `kernels.path_following.Follower`.
+        record: its state and parameters, an array of one `kernels.path_following.ActorOnPath`.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class PathFollower:
             self.bends = _bends_of(self.path, length_m, lateral_mps2, braking_mps2)
         half_m = length_m / 2
         heading = pose_on_path(along_m, half_m, self.vertices)[2]
-        record = Follower(
+        record = ActorOnPath(
             along=along_m,
             speed=speed_mps,
             pace=pace_mps,
@@ -93,7 +93,7 @@ class PathFollower:
         )
         self._rates = {"acceleration": acceleration_mps2, "braking": braking_mps2}
         self._braking_mps2, self._half_m = braking_mps2, half_m
-        self.keep_in(np.array([record], dtype_of(Follower)))
+        self.keep_in(np.array([record], dtype_of(ActorOnPath)))
 
     def keep_in(self, record: Records) -> None:
         """Keep the follower's state in this array of one record from now on.

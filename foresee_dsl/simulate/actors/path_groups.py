@@ -17,7 +17,7 @@ from foresee_dsl.kernels.path_following import (
     NO_LANE,
     OFF_ROAD,
     UNKNOWN,
-    Follower,
+    ActorOnPath,
     PathCell,
     SightRecord,
     advance,
@@ -101,7 +101,7 @@ class PathGroup:
         # What `find_seen` returns for the next step, if `move` has computed it already.
         self._sight_count: int | None = None
         self._sights = np.zeros(len(actors), dtype_of(SightRecord))
-        self._records = np.zeros(len(actors), dtype_of(Follower))
+        self._records = np.zeros(len(actors), dtype_of(ActorOnPath))
         self._seen_on = self._records["seen_on"]  # a view, kept because numpy is slow at looking up a record's field
         self._seen_on[:], self._records["row"] = OFF_ROAD, rows
         for n, actor in enumerate(actors):

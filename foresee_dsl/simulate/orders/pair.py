@@ -111,7 +111,7 @@ class Match(OrderByOther):
         return max(0.0, self._other.speed * self._factor + self._more)
 
 
-class Beside(OrderByOther):
+class SideGap(OrderByOther):
     """Keeps a lateral distance to another actor, at most `WIDEST_LINE_M` from its lane's centreline."""
 
     def __init__(self, simulation: Simulation, actor: SumoVehicle, action: KeepsBeside) -> None:

@@ -22,7 +22,7 @@ from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 
-COMFORT_MPS2 = 3.0
+STOPS_WITH_MPS2 = 3.0
 """Braking of an actor that `stops`, m/s^2. Ours: the upper end of comfortable braking (ISO 15622 allows 3.5 m/s^2)."""
 COMMITS_M = 15.0
 """Distance before the junction from which an actor with the order `meets` keeps its speed, m. Ours: about one second at
@@ -130,7 +130,7 @@ class Stop:
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             self._resumed = True
             return False
-        self._pace = max(0.0, self._pace - COMFORT_MPS2 * STEP_S)
+        self._pace = max(0.0, self._pace - STOPS_WITH_MPS2 * STEP_S)
         self._simulation.order_speed(self._actor, self._pace)
         return True
 
@@ -179,7 +179,7 @@ class Halt:
         if self._place.stop is not None and self.stands_s is None:
             for lane in (*self._place.stop.beside, self._place.stop.lane):
                 self._simulation.keep_to_lane(self._actor, lane.id)
-        free = math.sqrt(2 * COMFORT_MPS2 * max(room, 0.0))
+        free = math.sqrt(2 * STOPS_WITH_MPS2 * max(room, 0.0))
         pace = 0.0 if self.stands_s is not None or room < HALTS_M else min(cruise, max(free, CREEPS_MPS))
         self._simulation.order_speed(self._actor, pace)
         return True
@@ -220,10 +220,10 @@ class Reverse:
                 self._over = True
                 return False
         if self._backs:
-            free = math.sqrt(2 * COMFORT_MPS2 * max(actor.room_m, 0.0))
+            free = math.sqrt(2 * STOPS_WITH_MPS2 * max(actor.room_m, 0.0))
             simulation.order_speed(actor, min(self._speed, free) if actor.room_m > HALTS_M / 10 else 0.0)
             return True
-        self._pace = max(0.0, self._pace - COMFORT_MPS2 * STEP_S)
+        self._pace = max(0.0, self._pace - STOPS_WITH_MPS2 * STEP_S)
         simulation.order_speed(actor, self._pace)
         return True
 

@@ -1,8 +1,4 @@
-"""Measures at one moment: time to collision, time to a place, distance to a junction, time since entering it.
-
-Definitions follow Westhofen et al., "Criticality Metrics for Automated Driving" (Archives of Computational Methods in
-Engineering, 2023), section on TTC. Infinity means "never".
-"""
+"""Measures at one moment: time to a place, distance to a junction, time since entering it. Infinity means "never"."""
 
 from __future__ import annotations
 
@@ -16,8 +12,7 @@ import shapely
 from foresee_dsl.compile.roads.network import RoadNetwork, polygon
 from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Box, Mover, corner_points
-from foresee_dsl.kernels.conditions import time_to_touch
+from foresee_dsl.kernels.boxes import Box, corner_points
 from foresee_dsl.kernels.constants import STANDS_MPS
 
 if TYPE_CHECKING:
@@ -25,34 +20,21 @@ if TYPE_CHECKING:
 
     from foresee_dsl.compile.roads.polyline import Points
 
-SLOWEST_MPS = 1.0
+ETA_SLOWEST_MPS = 1.0
 """Lowest speed with which `eta` computes, m/s: it keeps the time finite for a standing vehicle. Defined by the
 language."""
 
 
-CREEPS_MPS = 0.5
+INSIDE_CREEPS_MPS = 0.5
 """Assumed approach speed of a vehicle that waits inside a junction, m/s. Ours: it is used only to order such vehicles
 by how far inside they are."""
-
-
-def ttc(a: Mover, b: Mover) -> float:
-    """Return the time (s) until two footprints touch when both keep heading and speed.
-
-    Exact: each of the four directions at right angles to the sides separates the footprints outside one interval of
-    time; they overlap where all four intervals do.
-
-    Returns:
-        0 when they overlap now, infinity when they never will, NaN where a value is NaN.
-    """
-    both = np.array((a, b), dtype=np.float64)
-    return float(time_to_touch(both, both[:, 4:], 0, 1))
 
 
 def eta(distance_m: float, speed_mps: float) -> float:
     """Return the time (s) to a place `distance_m` ahead at this speed, which counts as at least 1 m/s; infinity if the
     place is behind.
     """
-    return distance_m / max(speed_mps, SLOWEST_MPS) if distance_m >= 0 else inf
+    return distance_m / max(speed_mps, ETA_SLOWEST_MPS) if distance_m >= 0 else inf
 
 
 def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -> float:
@@ -62,7 +44,7 @@ def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -
         inside_m: distance of its front inside the junction, m.
         speed_mps: its speed, m/s; without an acceleration it entered at this speed.
         acceleration_mps2: if positive, the vehicle is assumed to have accelerated at this rate, from a stand if it is
-            far enough inside, and to have moved at `CREEPS_MPS` before that.
+            far enough inside, and to have moved at `INSIDE_CREEPS_MPS` before that.
     """
     if acceleration_mps2 <= 0.0:
         return inside_m / max(speed_mps, STANDS_MPS)
@@ -70,7 +52,7 @@ def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -
     if began >= 0.0:
         return (speed_mps - sqrt(began)) / acceleration_mps2
     crept_m = inside_m - speed_mps * speed_mps / (2 * acceleration_mps2)
-    return speed_mps / acceleration_mps2 + crept_m / CREEPS_MPS
+    return speed_mps / acceleration_mps2 + crept_m / INSIDE_CREEPS_MPS
 
 
 class Outline(NamedTuple):

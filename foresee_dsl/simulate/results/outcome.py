@@ -202,7 +202,7 @@ def off_road_points(bicycle: Bicycle, state: BicycleState) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class RunEnd:
     """How a run ends.
 
     Attributes:
@@ -258,7 +258,7 @@ class OutcomeJudge:
         off_road: bool,
         arrived: bool,
         may_wait: bool,
-    ) -> Decision | None:
+    ) -> RunEnd | None:
         """Judge one frame; return None while the run goes on.
 
         Args:
@@ -278,28 +278,28 @@ class OutcomeJudge:
             return self._collision(time_s, me, other, k)
         if off_road:
             if time_s <= 0:
-                return Decision(Verdict.INVALID, time_s, "", "invalid: the ego begins off the drivable area")
-            return Decision(Verdict.F1, time_s, "", f"F1 left the drivable area at {time_s:.2f} s")
+                return RunEnd(Verdict.INVALID, time_s, "", "invalid: the ego begins off the drivable area")
+            return RunEnd(Verdict.F1, time_s, "", f"F1 left the drivable area at {time_s:.2f} s")
         if arrived:
-            return Decision(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
+            return RunEnd(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
         return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
 
     def moves(self) -> None:
         """Note that the ego moves at this frame, and that a cheap test has shown that the run goes on."""
         self._standing_since = None
 
-    def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
+    def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> RunEnd:
         name, kind = self._ids[k], self._kinds[k]
         whom = f"{name} ({kind})"
         how = impact(ego, other, name)
         if time_s <= 0:
-            return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
+            return RunEnd(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
         verdict = classify(how, kind)
         what = verdict.contact.format(whom)
         # `campaign.regression.verify` ignores the text after the time when it compares two runs.
-        return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
+        return RunEnd(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
 
-    def _stuck(self, time_s: float, speed: float, may_wait: bool) -> Decision | None:
+    def _stuck(self, time_s: float, speed: float, may_wait: bool) -> RunEnd | None:
         if speed >= STUCK_SPEED_MPS or may_wait:
             self._standing_since = None
             return None
@@ -309,14 +309,14 @@ class OutcomeJudge:
         if standing < STUCK_AFTER_S - 1e-9:
             return None
         reason = f"stuck: stood for {standing:.0f} s with nothing to wait for, until {time_s:.2f} s"
-        return Decision(Verdict.STUCK, time_s, "", reason)
+        return RunEnd(Verdict.STUCK, time_s, "", reason)
 
-    def _time_is_up(self, time_s: float) -> Decision | None:
+    def _time_is_up(self, time_s: float) -> RunEnd | None:
         if time_s < self._end_s - 1e-9:
             return None
         if self._must_arrive:
-            return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
-        return Decision(Verdict.PASS, time_s, "", f"drove to the end at {time_s:.2f} s")
+            return RunEnd(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
+        return RunEnd(Verdict.PASS, time_s, "", f"drove to the end at {time_s:.2f} s")
 
 
 def _side(angle: float) -> Side:

@@ -375,3 +375,10 @@ class RunRecord:
     def hangs(self) -> bool:
         """Return whether the driver exceeded a limit of wall time."""
         return self.notes.hang is not None
+
+    @property
+    def exceeded_wall_time(self) -> bool:
+        """Return whether the run took too much wall time: its driver exceeded a limit, or its process was ended, so
+        that there is no simulated time. A timeout of the test case itself has a simulated time.
+        """
+        return self.hangs or (self.verdict is Verdict.TIMEOUT and not self.duration_s)

@@ -15,10 +15,11 @@ from dataclasses import dataclass, field
 from foresee_dsl.compile.roads.conflicts import HALF_WIDTH_M, Conflict, conflicts_of
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.compile.roads.topology import Crossing, Movement
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.rules.infraction import Rule
-from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, COMFORT_MPS2
+from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP
 
 ON_CROSSING_M = 0.5
 """Distance from a crossing within which a pedestrian counts as on it, m. Ours: a pedestrian's width."""
@@ -100,13 +101,13 @@ def _hindered(contender: Contender, inside_s: float, speed_mps: float, area: Yie
         return room <= speed * inside_s
     if area.joins:
         faster = max(speed - speed_mps, 0.0)
-        return faster * faster / (2 * max(room, 0.1)) > COMFORT_MPS2
+        return faster * faster / (2 * max(room, 0.1)) > COMFORTABLE_MPS2
     if speed * inside_s <= room:
         return False
     braking = 2 * (speed * inside_s - room) / (inside_s * inside_s)
     if braking * inside_s > speed:  # it would come to a stand before the actor has left
         braking = speed * speed / (2 * max(room, 0.1))
-    return braking > COMFORT_MPS2
+    return braking > COMFORTABLE_MPS2
 
 
 def yield_areas(simulation: Simulation, passage: Passage) -> Sequence[YieldArea]:

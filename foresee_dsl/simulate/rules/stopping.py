@@ -8,19 +8,14 @@ import math
 from dataclasses import dataclass, field
 
 from foresee_dsl.compile.roads.route_line import Passage
+from foresee_dsl.kernels.constants import COMFORTABLE_MPS2
+from foresee_dsl.simulate.mission import STOP_BEFORE_M
 
-COMFORT_MPS2 = 3.4
-"""Deceleration that most drivers find comfortable, m/s^2: AASHTO, A Policy on Geometric Design of Highways and Streets
-(2018), section 3.2.2, the deceleration of its stopping sight distance. An actor that has to brake harder is made to
-brake abruptly (the words of VCRT article 1(aa))."""
-REACTION_S = 0.75
+BRAKING_DELAY_S = 0.75
 """Time before braking begins, s: UN Regulation 157, annex 4, appendix 3, the delay of the careful driver."""
 STOPS_WITHIN_M = 4.0
 """Distance before the stop line within which an actor has to stop, m: `PROXIMITY_THRESHOLD` of `RunningStopTest`, the
 criterion of CARLA's leaderboard 2."""
-STOP_BEFORE_M = 1.0
-"""Distance of the stop line from the lanes inside the junction, m, as in the driver's mission. An actor has passed the
-line only when its front has reached these lanes, so this length is also a tolerance."""
 STOPPED_MPS = 0.1
 """Speed below which an actor has stopped, m/s: `SPEED_THRESHOLD` of the same criterion."""
 ALL_WAY_STOP = "allway_stop"
@@ -28,8 +23,11 @@ ALL_WAY_STOP = "allway_stop"
 
 
 def can_stop(room_m: float, speed_mps: float) -> bool:
-    """Return whether an actor that reacts now can stop comfortably before a line."""
-    return room_m >= speed_mps * REACTION_S + speed_mps * speed_mps / (2 * COMFORT_MPS2)
+    """Return whether an actor that reacts now can stop comfortably before a line.
+
+    An actor that has to brake harder is made to brake abruptly (the words of VCRT article 1(aa)).
+    """
+    return room_m >= speed_mps * BRAKING_DELAY_S + speed_mps * speed_mps / (2 * COMFORTABLE_MPS2)
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.results.outcome import Decision
+from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.rules.giving_way import Contender, YieldArea, blocks_others, contenders, yield_areas
 from foresee_dsl.simulate.rules.infraction import Infraction, Rule
 from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, STOPPED_MPS, StopLine, can_stop
@@ -116,7 +116,7 @@ class RuleWatch:
         """Return whether another actor has priority at an area now, and has not passed it."""
         return any(contender.actor == other for contender in contenders(self._simulation, self._actor, area))
 
-    def end(self, decision: Decision) -> tuple[Infraction, ...]:
+    def end(self, decision: RunEnd) -> tuple[Infraction, ...]:
         """Return all infractions of the run in the order of time, after the run has ended with this decision.
 
         A contact with an actor that has priority is an infraction at this frame. A second call changes nothing.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
-from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
+from foresee_dsl.compile.catalogue import USUAL_HEIGHTS_M
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.records import dtype_of
@@ -187,10 +187,9 @@ def sight_of(trace: Trace, bundle: SumoBundle | None = None, sensors: SensorSett
         bodies = Bodies.of([actor.model for actor in scene.actors[1:]])
         return Sight(bodies, bundle.network.buildings, sensors, Air(scene.rain, scene.fog, scene.sun))
     others = trace.actors[1:]
-    heights = {str(kind): defaults.height_m for kind, defaults in CLASS_DEFAULTS.items()}
     sizes = np.array([(info.length_m, info.width_m) for info in others], dtype=np.float64).reshape(-1, 2)
     kinds = tuple(info.kind for info in others)
-    return Sight(Bodies(kinds, sizes, np.array([heights[kind] for kind in kinds])), ())
+    return Sight(Bodies(kinds, sizes, np.array([USUAL_HEIGHTS_M[kind] for kind in kinds])), ())
 
 
 def in_view(trace: Trace, other: int, frame: int, sight: Sight) -> bool:

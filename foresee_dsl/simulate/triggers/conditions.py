@@ -27,7 +27,7 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.metrics import outlines_of
-from foresee_dsl.simulate.results.outcome import Decision
+from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.rules.watch import RuleWatch
 from foresee_dsl.simulate.sensing.perception import Sensing
 from foresee_dsl.simulate.sensing.sight import LinesOfSight
@@ -112,7 +112,7 @@ class Conditions:
             self._rules[actor.id] = RuleWatch(self.simulation, actor)
         return self._rules[actor.id]
 
-    def end_rules(self, decision: Decision) -> None:
+    def end_rules(self, decision: RunEnd) -> None:
         """Add the infractions that only the end of the run shows, at the frame at which it ends."""
         for watch in self._rules.values():
             watch.end(decision)

@@ -24,7 +24,7 @@ from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import OpenDoor, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.orders.pair import Beside, Gap, Match, Synchrony
+from foresee_dsl.simulate.orders.pair import Gap, Match, SideGap, Synchrony
 from foresee_dsl.simulate.orders.speed import (
     Braking,
     Command,
@@ -385,7 +385,7 @@ class Director:
         if isinstance(action, m.ChangesLine):
             order = LateralShift(self._simulation, vehicle, action)
         elif action.other in self._simulation.by_id:
-            order = Beside(self._simulation, vehicle, action)
+            order = SideGap(self._simulation, vehicle, action)
         else:
             return _at_once
         return self._orders.give_sideways(actor, order)

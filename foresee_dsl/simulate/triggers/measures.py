@@ -11,7 +11,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta
+from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS, eta
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED
 from foresee_dsl.simulate.triggers.conditions import Conditions
 
@@ -114,7 +114,7 @@ class _BetweenFootprints(BoundMeasure):
         if self.what == "ttc":
             return float(time_to_touch(*self._table))
         gap_m = self.run.gap(actor, other)
-        return gap_m if self.what == "distance" else gap_m / max(actor.speed, SLOWEST_MPS)
+        return gap_m if self.what == "distance" else gap_m / max(actor.speed, ETA_SLOWEST_MPS)
 
     def until(self, bound: float) -> float:
         actor, other = self.run.actor(self.name), self.run.actor(self.other)
@@ -122,7 +122,7 @@ class _BetweenFootprints(BoundMeasure):
             return self.value()
         if self.what == "distance":
             return gap_within(*self._table, bound)
-        speed_mps = max(actor.speed, SLOWEST_MPS)
+        speed_mps = max(actor.speed, ETA_SLOWEST_MPS)
         return gap_within(*self._table, bound * speed_mps) / speed_mps
 
 

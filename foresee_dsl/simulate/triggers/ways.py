@@ -9,11 +9,12 @@ the same ways.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 from foresee_dsl.compile.placement.spots import Pose, Standing
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points, Polyline, distance_to
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
@@ -38,7 +39,7 @@ class Ways:
         """Begin without ways; each is computed when a condition or action first needs it."""
         self._simulation, self._network = simulation, simulation.network
         self._line = lru_cache(maxsize=64)(self._make_line)
-        self._strip = lru_cache(maxsize=256)(self._make_strip)
+        self._strip = lru_cache(maxsize=256)(partial(strip_of, self._network))
         self._edges: dict[str, tuple[tuple[float, int], ...]] = {}
         self._frame = -1
         self._standing: dict[str, Standing] = {}
@@ -213,24 +214,32 @@ class Ways:
     def _ahead(self, actor: SimulatedActor, lane: Lane) -> Points:
         return self._strip(lane.id, self._route_left(actor), lane_kind(actor.placed.model))
 
-    def _make_strip(self, lane: str, route: tuple[str, ...], kind: LaneKind) -> Points:
-        """Return the centreline of a lane and of the lanes that continue it along a route without a lane change."""
-        lanes = self._network.lanes
-        points, length, onward = [*lanes[lane].shape], lanes[lane].length_m, dict(pairwise(route))
-        while length < IN_LANE_OF_M:
-            through = self._network.movements_through(lane)
-            ways = [w for w in through or self._network.movements_from(lanes[lane].edge, kind)
-                    if (through or w.from_lane == lane) and onward.get(w.from_edge) == w.to_edge]  # fmt: skip
-            if not ways:
-                break
-            way = ways[0]
-            via = way.via[way.via.index(lane) + 1 :] if through else way.via
-            for part in (*via, way.to_lane):
-                points += lanes[part].shape
-                length += lanes[part].length_m
-            lane = way.to_lane
-            onward.pop(way.from_edge)
-        return tuple(points)
+
+def strip_of(network: RoadNetwork, lane: str, route: tuple[str, ...], kind: LaneKind) -> Points:
+    """Return the centreline of a lane and of the lanes that continue it along a route without a lane change.
+
+    Args:
+        network: the road network.
+        lane: id of the lane at which the strip begins.
+        route: the edges of the route, in driving order.
+        kind: the traffic that drives on it.
+    """
+    lanes = network.lanes
+    points, length, onward = [*lanes[lane].shape], lanes[lane].length_m, dict(pairwise(route))
+    while length < IN_LANE_OF_M:
+        through = network.movements_through(lane)
+        ways = [w for w in through or network.movements_from(lanes[lane].edge, kind)
+                if (through or w.from_lane == lane) and onward.get(w.from_edge) == w.to_edge]  # fmt: skip
+        if not ways:
+            break
+        way = ways[0]
+        via = way.via[way.via.index(lane) + 1 :] if through else way.via
+        for part in (*via, way.to_lane):
+            points += lanes[part].shape
+            length += lanes[part].length_m
+        lane = way.to_lane
+        onward.pop(way.from_edge)
+    return tuple(points)
 
 
 def _edges_along(line: RouteLine) -> tuple[tuple[float, int], ...]:

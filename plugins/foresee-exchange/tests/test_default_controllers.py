@@ -80,6 +80,20 @@ def test_who_begins_on_top_of_another_is_lost_and_said(tmp_path: Path) -> None:
     assert [actor.name for actor in scenario.actors] == ["ego", "walker"]
 
 
+def test_of_many_on_top_of_each_other_all_are_left_out(tmp_path: Path) -> None:
+    """24 cars on the ego's place have 300 overlaps, more than there are messages."""
+    names = [f"car{k}" for k in range(24)]
+    at = osc.teleport('<RelativeLanePosition entityRef="Ego" dLane="0" ds="1" offset="0"/>')
+    text = osc.scenario(
+        entities="".join(osc.car(name) for name in names),
+        init="".join(f'<Private entityRef="{name}">{at}{osc.speed("10")}</Private>' for name in names),
+    )
+    done = importer.run(osc.write(tmp_path / "in", text), out=tmp_path / "out", partial=True)
+    assert done.lost == {"entities that begin on top of others": 24}
+    scenario = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario
+    assert [actor.name for actor in scenario.actors] == ["ego", "target_1", "walker"]
+
+
 def test_maps_and_catalogues_that_are_elsewhere_are_found(tmp_path: Path) -> None:
     text = osc.scenario().replace('filepath="straight.xodr"', 'filepath="../gone/straight.xodr"')
     file = osc.write(tmp_path / "in", text.replace('path="catalogues"', 'path="../gone/catalogues"'))

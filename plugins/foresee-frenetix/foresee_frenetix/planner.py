@@ -37,7 +37,7 @@ LEAST_S = 0.6
 
 
 @dataclass(frozen=True)
-class Window:
+class RouteStretch:
     """One stretch of the route. Lengths in the library differ slightly from ours, because it measures along a polyline
     of its own.
 
@@ -62,7 +62,7 @@ def window_number(route: DriverRoute, s: float) -> int:
     return max(math.floor((s - route.origin_s) / cfg.WINDOW_M), 0)
 
 
-def make_window(route: DriverRoute, number: int) -> Window:
+def make_window(route: DriverRoute, number: int) -> RouteStretch:
     """Create the coordinates from `BEHIND_M` behind a stretch to beyond the reach of a plan from it."""
     stride = round(cfg.REFERENCE_STEP_M / GRID_M)
     reach = cfg.WINDOW_M + float(route.columns["profile"].max()) * cfg.HORIZON_S + 20.0
@@ -77,7 +77,7 @@ def make_window(route: DriverRoute, number: int) -> Window:
     lengths = np.hypot(*np.diff(points, axis=0).T).astype(np.float64)
     own_s = ahead + np.concatenate([np.zeros(1), np.cumsum(lengths)])
     route_s: FloatArray = route.origin_s + GRID_M * np.arange(first, last, stride, dtype=np.float64)
-    return Window(number, system, route_s, own_s)
+    return RouteStretch(number, system, route_s, own_s)
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Planner:
     def __init__(self, route: DriverRoute, vehicle: VehicleLimits) -> None:
         self._route, self._vehicle = route, vehicle
         self._handler = frenetix.TrajectoryHandler(dt=cfg.PLAN_STEP_S)
-        self._window: Window | None = None
+        self._window: RouteStretch | None = None
         steer, wheelbase = vehicle.steer_max_rad, vehicle.wheelbase_m
         grip = pdm_settings.FRICTION_SHARE * vehicle.friction * GRAVITY_MPS2
         self._handler.add_feasability_function(
@@ -205,7 +205,7 @@ class Planner:
             return start.d_dot / start.s_dot
         return math.tan(angle_between(heading_rad, float(self._route.columns["heading"][self._route.index(start.s)])))
 
-    def _at(self, s: float) -> Window:
+    def _at(self, s: float) -> RouteStretch:
         number = window_number(self._route, s)
         if self._window is None or self._window.number != number:
             self._window = make_window(self._route, number)
@@ -250,7 +250,7 @@ def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> Flo
     return matrix
 
 
-def _read_out(samples: tuple[Any, ...], window: Window, route: DriverRoute) -> Candidates:
+def _read_out(samples: tuple[Any, ...], window: RouteStretch, route: DriverRoute) -> Candidates:
     """Return the samples as candidates, cut at the horizon.
 
     Reading an array takes 2 us, more than computing it, so arrays that follow from others are not read.
@@ -275,7 +275,7 @@ def _read_out(samples: tuple[Any, ...], window: Window, route: DriverRoute) -> C
     return Candidates(s, d, x, y, heading, speed, curvature, ends, cost, samples)
 
 
-def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # noqa: ANN401  see `Window.system`
+def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # noqa: ANN401  see `RouteStretch.system`
     """Return d' and d'', s' and s'' over time, from the library's polynomials; the docstring of `Planner`
     explains why.
     """

@@ -17,7 +17,7 @@ from foresee_learned.kernels.waypoints import Rules, bounds
 from foresee_learned.outputs import Occupied
 
 _TIMES_S: FloatArray = np.array(cfg.PREDICTED_S)
-_ENDS_S: FloatArray = cfg.STEP_S * np.arange(1, cfg.STEPS + 1, dtype=np.float64)
+_ENDS_S: FloatArray = cfg.DECISION_S * np.arange(1, cfg.STEPS + 1, dtype=np.float64)
 _AHEAD = attrgetter("ahead_m")
 
 
@@ -69,7 +69,7 @@ def rules_of(
         small_margin=small_margin_m,
         beside=cfg.BESIDE_M,
         sample=cfg.SAMPLE_M,
-        step=cfg.STEP_S,
+        step=cfg.DECISION_S,
         soon=cfg.SOON_S,
         slow=cfg.SLOW_MPS,
         slow_soon=cfg.SLOW_SOON_S,

@@ -37,7 +37,7 @@ class FusionSafeState(Decisions):
         super().__init__(network, mission, vehicle)
         self._objects = Objects()
         self._rules, self._close = rules_of(vehicle), rules_of(vehicle, cfg.CLOSE_SIDE_M, cfg.CLOSE_SMALL_MARGIN_M)
-        self._bounds = Speeds(cfg.STEP_S, cfg.MOST_MPS, vehicle.acceleration_mps2, cfg.BRAKING_MPS2)
+        self._bounds = Speeds(cfg.DECISION_S, cfg.MOST_MPS, vehicle.acceleration_mps2, cfg.BRAKING_MPS2)
         self._basis: Basis | None = None
         self._creeping = Creeping()
 
@@ -54,9 +54,9 @@ class FusionSafeState(Decisions):
         safe_mps, way = self._safe(waypoints, others, now_mps, math.inf if stop is None else stop[1])
         self._basis = Basis(planned_mps, safe_mps, way, stop)
         if safe_mps is None:
-            return Decision(waypoints, 0.0, cfg.STEP_S, hardest=True)
-        if (safe_mps - now_mps) / cfg.STEP_S < (planned_mps - now_mps) / cfg.PLANNED_S:
-            return Decision(waypoints, safe_mps, cfg.STEP_S)
+            return Decision(waypoints, 0.0, cfg.DECISION_S, hardest=True)
+        if (safe_mps - now_mps) / cfg.DECISION_S < (planned_mps - now_mps) / cfg.PLANNED_S:
+            return Decision(waypoints, safe_mps, cfg.DECISION_S)
         return Decision(waypoints, planned_mps, cfg.PLANNED_S)
 
     def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:  # noqa: ARG002

@@ -115,7 +115,7 @@ def reasons_of_basis(observation: Observation, basis: Basis, vehicle: VehicleLim
     safe, text = -vehicle.emergency_braking_mps2, "no speed is safe"
     if basis.safe_mps is not None:
         safe, text = (
-            (basis.safe_mps - now_mps) / cfg.STEP_S,
+            (basis.safe_mps - now_mps) / cfg.DECISION_S,
             f"the fastest safe speed is {basis.safe_mps * 3.6:.0f} km/h",
         )
     bound: list[Reason] = []

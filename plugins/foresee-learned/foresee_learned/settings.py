@@ -59,7 +59,7 @@ LEAST_M = 0.5
 MOST_OBJECTS = 30
 """Largest number of objects ahead that are considered, the nearest ones. Ours: each costs time; in the densest traffic
 25 are seen."""
-STEP_S = 0.5
+DECISION_S = 0.5
 """Step of the linear programme, s: InterFuser's."""
 STEPS = 6
 """Number of steps of the linear programme. Ours: 3 s, the time span of the waypoints. InterFuser's 1 s is enough for

@@ -24,19 +24,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from foresee_learned.rasters import GROUP_OF
-from foresee_learned.rasters import ground as ground_maps
-from foresee_learned.rasters.ground import GroundMap
+from foresee_learned.rasters.ground import GroundMap, remember
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.language.model_classes import CLASSES
 from foresee_dsl.simulate.sensing.views import RunViews, StepViews
 
 FRAME_S = 0.05
 """Time between two frame numbers, s."""
 POINT_S, POINTS = 0.25, 12
 """The expert's trajectory has a point each quarter of a second, up to 3 s."""
-KINDS = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle")
+KINDS: tuple[str, ...] = CLASSES
 COLOURS: tuple[SignalColour | None, ...] = (None, "red", "amber", "green", "off")
 """Colours of a signal as the driver sees it; None: not seen."""
 SIGNAL_STATES = ("red", "amber", "green", "other")
@@ -87,7 +87,7 @@ class RecordedNetwork:
 
     def __init__(self, key: str, ground: GroundMap, buildings: tuple[tuple[tuple[float, float], ...], ...]) -> None:
         self.key, self.ground, self.buildings = key, ground, buildings
-        ground_maps._drawn_maps[self] = ground  # type: ignore[index]
+        remember(self, ground)
 
 
 @dataclass(frozen=True)

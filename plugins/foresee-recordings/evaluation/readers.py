@@ -22,7 +22,6 @@ from evaluation.roads import network_of, vehicles_on_lanes
 from foresee_dsl.errors import ForeseeError
 
 SUFFIXES = (".xml", ".csv", ".parquet", ".osi", ".mcap", ".gz", ".xz")
-SAME_S = 1e-6
 AIM_M = 0.10
 
 

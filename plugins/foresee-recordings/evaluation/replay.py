@@ -51,9 +51,9 @@ def trajectory_of(case: TestCase) -> Trajectory:
     return Trajectory(times, points, heading, np.maximum(speed, 0.0))
 
 
-def drive_as_recorded(case: TestCase, *, rules: str = "off") -> RunResult:
-    """Run a test case with the recorded drive of its ego."""
-    return run(compile_test_case(case), AsRecorded(trajectory_of(case)), seed=0, rules=rules)
+def drive_as_recorded(case: TestCase) -> RunResult:
+    """Run a test case with the recorded drive of its ego, without traffic rules."""
+    return run(compile_test_case(case), AsRecorded(trajectory_of(case)), seed=0, rules="off")
 
 
 def main() -> None:

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.model_classes import CLASSES
 
 FloatArray = NDArray[np.float64]
 STATES = ("x", "y", "heading", "speed")
 """Columns of `Track.states`: m, m, rad (counter-clockwise from east), m/s."""
-KINDS = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle")
-"""The classes of recorded actors, those of the catalogue of models."""
+KINDS: tuple[str, ...] = CLASSES
+"""The classes of recorded actors, those of models."""
 
 
 class RecordingError(ForeseeError):

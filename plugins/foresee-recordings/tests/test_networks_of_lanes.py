@@ -10,7 +10,7 @@ import pytest
 import shapely
 from defusedxml.ElementTree import fromstring
 from foresee_recordings.maps.conflicts import Stream, add_conflicts
-from foresee_recordings.maps.junctions import Way
+from foresee_recordings.maps.junctions import LaneLink
 from foresee_recordings.maps.lanes import Lane, LaneMap
 from foresee_recordings.maps.network import network_of
 from foresee_recordings.maps.signals import SignalCycle
@@ -157,8 +157,8 @@ def test_conflicts_that_netconvert_does_not_see_are_added() -> None:
     for request in requests:
         request.set("foes", "00")
         request.set("response", "00")
-    east = Stream(Way(("e10", 0), ("e12", 0), None, None, ()), np.array([[-10.0, 0], [10, 0]]), "", "")
-    north = Stream(Way(("e20", 0), ("e22", 0), None, None, ()), np.array([[0.0, -10], [0, 10]]), "", "")
+    east = Stream(LaneLink(("e10", 0), ("e12", 0), None, None, ()), np.array([[-10.0, 0], [10, 0]]), "", "")
+    north = Stream(LaneLink(("e20", 0), ("e22", 0), None, None, ()), np.array([[0.0, -10], [0, 10]]), "", "")
     via = {element.get("from"): element.get("via") for element in root.iter("connection") if element.get("via")}
     east, north = replace(east, lane=via["e10"]), replace(north, lane=via["e20"])
     assert add_conflicts(root, [east, north]) == 1

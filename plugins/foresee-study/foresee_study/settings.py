@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from foresee_dsl.campaign.settings import Allocation, CampaignSettings
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
-from foresee_dsl.language.campaign_values import RulesMode
+from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN, RulesMode
 from foresee_study.halves import Half
 from foresee_study.search.searches import SEARCHES
 
@@ -23,9 +23,7 @@ EXHAUSTIVE = "exhaustive"
 EVERY_POINT = 1000
 """Number of risky points with which `exhaustive` uses all points of a test case: no test case has as many."""
 POINTS = 4
-CHILDREN = 4
-"""Number of risky points and of mutants per clip, the paper's n_rp and c, in its best configuration (section 4.5,
-RQ1)."""
+"""Number of risky points, the paper's n_rp, in its best configuration (section 4.5, RQ1)."""
 CHOSEN_S = 10.0
 """Length of clips in the paper's best configuration, s (section 4.5, RQ1)."""
 SECOND_ITERATION = 1000
@@ -65,7 +63,7 @@ class StudySettings:
     exhaustive_drivers: int = 1
     seed: int = 0
     preset: str = "paper"
-    children: int = CHILDREN
+    children: int = DEFAULT_CHILDREN
     against: tuple[str, ...] | None = None
     fuzz_repetitions: int = 1
     fuzz_cycles: int = 1
@@ -73,7 +71,7 @@ class StudySettings:
     towns: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
     searches: tuple[str, ...] = tuple(SEARCHES)
-    budget_s: float = POINTS * (1 + CHILDREN) * CHOSEN_S
+    budget_s: float = POINTS * (1 + DEFAULT_CHILDREN) * CHOSEN_S
     allocation: Allocation = "even"
 
     @property
@@ -104,7 +102,7 @@ class StudyCampaign:
     seed: int
     preset: str
     risky_points: int = POINTS
-    children: int = CHILDREN
+    children: int = DEFAULT_CHILDREN
     against: tuple[str, ...] | None = None
     budget_s: float | None = None
     allocation: Allocation = "even"

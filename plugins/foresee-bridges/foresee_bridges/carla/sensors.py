@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from foresee_bridges.carla.coordinates import GeoReference, beside, compass_rad
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor, Views
 from foresee_dsl.errors import DriverError, DriverUnavailableError
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 
-GRAVITY_MPS2 = 9.81
-"""What CARLA's accelerometer reads upwards on a level road, m/s^2."""
 VIEW_ROWS, VIEW_COLUMNS, VIEW_FOCAL_PX = 64, 160, 80.0
 """Size and focal length of the view ahead (docs/reference/rasters.md)."""
 COLOURS_BGR = (
@@ -103,6 +102,7 @@ def _imu(scene: Scene, spec: Spec) -> NDArray[np.float64]:
     ahead, right = ego.acceleration_mps2, -ego.speed_mps * ego.yaw_rate_rad_s
     yaw = math.radians(float(spec.get("yaw", 0.0)))
     cos, sin = math.cos(yaw), math.sin(yaw)
+    # On a level road, CARLA's accelerometer reads gravity upwards.
     acceleration = (ahead * cos + right * sin, right * cos - ahead * sin, GRAVITY_MPS2)
     return np.array([*acceleration, 0.0, 0.0, -ego.yaw_rate_rad_s, compass_rad(_mounted(scene, spec)[2])])
 

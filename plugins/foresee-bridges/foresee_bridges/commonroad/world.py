@@ -35,7 +35,7 @@ PREDICTED_STEPS = 60
 NEAR_M = 80.0
 """Lanes within this distance of the mission's centreline become lanelets, m. Ours: the range in which sensors see
 cars."""
-STANDS_MPS = 0.3
+PREDICTED_STANDS_MPS = 0.3
 """Speed below which an object is predicted to stand, m/s. Ours: ten standard deviations of the measured speed of a
 standing object."""
 GOAL_M = 10.0
@@ -236,7 +236,7 @@ def _cycle(colour: str) -> TrafficLightCycle:
 
 def _obstacle(number: int, actor: Mapping[str, Any], late_s: float) -> DynamicObstacle | StaticObstacle:
     """Return an object of the object list, moved on from its measurement to now and then at constant velocity."""
-    speed = actor["speed_mps"] if actor["speed_mps"] >= STANDS_MPS else 0.0
+    speed = actor["speed_mps"] if actor["speed_mps"] >= PREDICTED_STANDS_MPS else 0.0
     heading = actor["heading_rad"]
     velocity = speed * np.array([math.cos(heading), math.sin(heading)])
     now = np.array([actor["x"], actor["y"]]) + late_s * velocity

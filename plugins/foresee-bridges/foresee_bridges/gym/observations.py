@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.protocol import ActorClass, Control, Mission, Observation, SeenActor, VehicleLimits
+from foresee_bridges.route import AHEAD_M, RouteTracker, in_frame
+from foresee_dsl.drivers.protocol import ActorClass, Control, FloatArray, Mission, Observation, SeenActor, VehicleLimits
+from foresee_dsl.language.model_classes import CLASSES
 
 RANGE_M = 80.0
 """Distance that is 1 in the vector, m: the range of the ideal sensors."""
@@ -26,9 +28,7 @@ ROUTE_POINTS = 12
 """Number of points of the route ahead. Ours: they reach 60 m, the way to stop from 90 km/h."""
 ROUTE_STEP_M = 5.0
 """Distance between two points of the route, m. Ours: a right turn of 8 m radius has three."""
-AHEAD_M = 20.0
-"""Distance ahead within which the ego's place on the route is searched, m. Ours: at 200 km/h a step takes 3 m."""
-KINDS: tuple[ActorClass, ...] = ("car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle")
+KINDS: tuple[ActorClass, ...] = CLASSES
 COLOURS = ("red", "amber", "green")
 _EGO, _PER_ACTOR = 8 + len(COLOURS), 8 + len(KINDS)
 
@@ -84,7 +84,7 @@ class ObjectList:
         along = mission.centreline[k + 1] - mission.centreline[k]
         offset = np.array((ego.x, ego.y)) - mission.centreline[k]
         left_m = float(along[0] * offset[1] - along[1] * offset[0]) / max(math.hypot(*along), 1e-9)
-        ahead = next((junction for junction in mission.junctions if junction.stop_s > place_s), None)
+        ahead = RouteTracker(mission).next_junction(place_s)
         stop_m = min(ahead.stop_s - place_s, RANGE_M) if ahead is not None else RANGE_M
         colour = observation.signals.get(ahead.signal) if ahead is not None and ahead.signal is not None else None
         return [
@@ -101,10 +101,8 @@ class ObjectList:
 
     def _route(self, observation: Observation, place_s: float) -> NDArray[np.float64]:
         """Return x and y of the route's next points relative to the ego, [ROUTE_POINTS, 2]."""
-        mission = self.mission
-        marks = place_s + ROUTE_STEP_M * np.arange(1, ROUTE_POINTS + 1)
-        points = np.stack([np.interp(marks, mission.s, mission.centreline[:, axis]) for axis in (0, 1)], axis=1)
-        return _relative(observation, points) / RANGE_M
+        marks: FloatArray = place_s + ROUTE_STEP_M * np.arange(1, ROUTE_POINTS + 1, dtype=np.float64)
+        return _relative(observation, RouteTracker(self.mission).points(marks)) / RANGE_M
 
     def _actor(self, observation: Observation, actor: SeenActor) -> list[float]:
         x, y = _relative(observation, np.array([(actor.x, actor.y)]))[0] / RANGE_M
@@ -131,6 +129,4 @@ def control_of(action: NDArray[np.floating]) -> Control:
 def _relative(observation: Observation, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points relative to the ego's centre, x ahead and y to the left, [N, 2] m."""
     ego = observation.ego
-    ahead = np.array((math.cos(ego.heading_rad), math.sin(ego.heading_rad)))
-    offsets = points - (ego.x, ego.y)
-    return np.stack((offsets @ ahead, offsets @ (-ahead[1], ahead[0])), axis=1)
+    return in_frame(points, ego.x, ego.y, ego.heading_rad)

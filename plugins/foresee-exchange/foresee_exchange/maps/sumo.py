@@ -19,7 +19,7 @@ from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError, InputError, SimulationError
 from foresee_dsl.exchange.bridges import bridge_notes
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
-from foresee_dsl.exchange.starter import Ground, Way, starter
+from foresee_dsl.exchange.starter import Drive, Ground, starter
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model import Scenario
 from foresee_exchange.maps.cutting import CUT, Part, cut_net
@@ -100,7 +100,7 @@ def with_starter(
         roads = ground.roads
         doc = sentence(f"A first drive on {source}.")
 
-        def find(without: frozenset[str]) -> tuple[Scenario, Way]:
+        def find(without: frozenset[str]) -> tuple[Scenario, Drive]:
             tell("searching a route for the ego")
             first = starter(ground, name=name, network=file, doc=doc, without=without)
             tell(f"driving the ego's route of {first[1].length_m:.0f} m")
@@ -123,7 +123,7 @@ def _ground(file: Path, tell: Tell) -> Ground:
         raise ExchangeError(f"{err}; or {CUT}") from err
 
 
-def _of_the_drive(name: str, way: Way, drive: Drive) -> tuple[str, ...]:
+def _of_the_drive(name: str, way: Drive, drive: DriveResult) -> tuple[str, ...]:
     over = f" over the signal of {', '.join(way.signals)}" if way.signals else " without a signal: no route has one"
     notes = [f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another route"]
     if not drive.arrived:
@@ -172,7 +172,7 @@ _NEAR_M = 30.0
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveResult:
     """Result of a drive without traffic: whether the vehicle arrived and, if it did not, the reason in words and the
     edges on which it ended."""
 
@@ -182,8 +182,8 @@ class Drive:
 
 
 def first_that_arrives(
-    find: Callable[[frozenset[str]], tuple[m.Scenario, Way]], folder: Path, roads: RoadNetwork
-) -> tuple[m.Scenario, Way, Drive]:
+    find: Callable[[frozenset[str]], tuple[m.Scenario, Drive]], folder: Path, roads: RoadNetwork
+) -> tuple[m.Scenario, Drive, DriveResult]:
     """Return the best route on which `idm` reaches its goal without traffic; if there is none, the best route and the
     result of its drive.
 
@@ -205,7 +205,7 @@ def first_that_arrives(
     return (scenario, way, drive) if drive.arrived else first
 
 
-def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Drive:
+def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> DriveResult:
     """Place all actors of a scenario, then drive it without its background traffic; return the result."""
     # Imported here, because SUMO and the drivers are slow to import.
     from foresee_dsl.campaign.driving import run_test_case
@@ -222,11 +222,11 @@ def driven_alone(scenario: m.Scenario, folder: Path, roads: RoadNetwork) -> Driv
         write_text(file, scenario.model_copy(update={"body": body}))
         result = run_test_case(load_test_case(file), _DRIVER, 0, deadlines=None)
     except (InputError, CompileError, SimulationError) as err:
-        return Drive(False, str(err).replace(f"{file}:", ""))
+        return DriveResult(False, str(err).replace(f"{file}:", ""))
     finally:
         file.unlink(missing_ok=True)
     x, y = (float(value) for value in result.trace.states[-1, 0, [X, Y]])
-    return Drive(result.verdict is Verdict.PASS, result.reason, _edges_at(roads, x, y))
+    return DriveResult(result.verdict is Verdict.PASS, result.reason, _edges_at(roads, x, y))
 
 
 def _edges_at(roads: RoadNetwork, x: float, y: float) -> frozenset[str]:

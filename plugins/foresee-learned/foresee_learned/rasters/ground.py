@@ -43,7 +43,7 @@ _FRACTION = 12
 bits is enough for a map 500,000 pixels wide; the error at the corners of a picture of 200 pixels is 0.03 of a map's
 pixel."""
 
-_drawn_maps: WeakKeyDictionary[RoadNetwork, GroundMap] = WeakKeyDictionary()
+_drawn_maps: WeakKeyDictionary[object, GroundMap] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class GroundMap:
     def of(cls, network: RoadNetwork) -> GroundMap:
         """Return a network's ground; it is drawn at the first call for a network."""
         if network not in _drawn_maps:
-            _drawn_maps[network] = cls._drawn(network)
+            remember(network, cls._drawn(network))
         return _drawn_maps[network]
 
     @classmethod
@@ -134,6 +134,13 @@ class GroundMap:
                 for ring in (part.exterior, *part.interiors):
                     points = shapely.get_coordinates(ring)[:-1]
                     yield (points - (self.west_m, self.north_m)) * (1 / self.m_per_px, -1 / self.m_per_px)
+
+
+def remember(network: object, ground: GroundMap) -> None:
+    """Let `GroundMap.of` return this ground for a network, or for an object that takes a network's place, while it is
+    referred to.
+    """
+    _drawn_maps[network] = ground
 
 
 def _offset(pixels: float, size: int) -> np.int32:

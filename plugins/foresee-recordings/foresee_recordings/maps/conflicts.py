@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 import numpy as np
 import shapely
 
-from foresee_recordings.maps.junctions import Way
+from foresee_recordings.maps.junctions import LaneLink
 from foresee_recordings.maps.lanes import RightOfWay
 from foresee_recordings.recording import FloatArray
 
@@ -27,7 +27,7 @@ _STRAIGHT_RAD = np.radians(20)
 class Stream:
     """A way through a junction: its line in the network, [N, 2] m, its last lane inside, and the rule at its start."""
 
-    way: Way
+    way: LaneLink
     line: FloatArray
     lane: str
     rule: RightOfWay
@@ -76,7 +76,7 @@ def _add(own: Mapping[int, Stream], requests: Mapping[int, Element]) -> int:
     return added
 
 
-def _merge(way: Way, other: Way) -> bool:
+def _merge(way: LaneLink, other: LaneLink) -> bool:
     return way.end == other.end and way.start != other.start
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_recordings.maps.junctions import Layout, Way
+from foresee_recordings.maps.junctions import LaneLink, Layout
 from foresee_recordings.maps.lanes import without_repeats
 from foresee_recordings.recording import FloatArray
 
@@ -38,7 +38,7 @@ class Lines:
     """The lines of the lanes of roads, and of the ways between them, [N, 2] m each."""
 
     lanes: Mapping[LaneKey, FloatArray]
-    ways: tuple[tuple[Way, FloatArray], ...]
+    ways: tuple[tuple[LaneLink, FloatArray], ...]
 
 
 def lines_of(layout: Layout, move: Move) -> Lines:
@@ -73,7 +73,7 @@ def _reach(line: FloatArray) -> float:
 
 
 def _joined(
-    way: Way, centres: Mapping[LaneKey, FloatArray], before_m: float, behind_m: float, move: Move
+    way: LaneLink, centres: Mapping[LaneKey, FloatArray], before_m: float, behind_m: float, move: Move
 ) -> FloatArray:
     """Return the line of a way with the last metres of the lane before it and the first metres of that behind it."""
     before, behind = centres[way.start], centres[way.end]

@@ -38,7 +38,7 @@ class Road:
 
 
 @dataclass(frozen=True)
-class Way:
+class LaneLink:
     """A way from a lane of a road to a lane of the next: edge and index of both, and the centre line between them.
 
     `shape` is [N, 2] m; None if the lanes touch. `lanes` are the ids of the lanes between.
@@ -61,7 +61,7 @@ class Layout:
     """
 
     roads: tuple[Road, ...]
-    ways: tuple[Way, ...]
+    ways: tuple[LaneLink, ...]
     places: Mapping[int, tuple[float, float]]
     left_out: Mapping[str, int]
 
@@ -175,7 +175,7 @@ def _without_short_roads(divided: Divided) -> Divided:
     return replace(divided, roads=roads, inside=divided.inside.union(*short)) if roads else divided
 
 
-def _ways(divided: Divided, at_lane: Mapping[str, tuple[str, int]], left_out: Counter[str]) -> Iterator[Way]:
+def _ways(divided: Divided, at_lane: Mapping[str, tuple[str, int]], left_out: Counter[str]) -> Iterator[LaneLink]:
     """Yield all ways from a road's lane to the next road's lane; of several with the same ends, the shortest."""
     lanes = divided.lanes
     for id_, start in at_lane.items():
@@ -188,7 +188,7 @@ def _ways(divided: Divided, at_lane: Mapping[str, tuple[str, int]], left_out: Co
         for end, (_, path) in best.items():
             limits = [limit for step in path if (limit := lanes[step].speed_mps) is not None]
             shape = without_repeats(np.concatenate([lanes[step].centre for step in path])) if path else None
-            yield Way(start, end, shape, min(limits, default=None), path)
+            yield LaneLink(start, end, shape, min(limits, default=None), path)
 
 
 def _paths(

@@ -15,7 +15,7 @@ import shapely
 from foresee_dsl.compile.templates import number, polyline
 from foresee_recordings.maps.conflicts import Stream
 from foresee_recordings.maps.joined_lines import Lines, Move, length_of, lines_of
-from foresee_recordings.maps.junctions import Layout, Road, Way
+from foresee_recordings.maps.junctions import LaneLink, Layout, Road
 from foresee_recordings.maps.lanes import at_shares
 from foresee_recordings.recording import FloatArray
 
@@ -64,7 +64,7 @@ def _set_road(lanes: Mapping[str, Element], road: Road, lines: Lines) -> None:
         element.set("length", length)  # the lanes of one edge have one length in SUMO
 
 
-def _chain(way: Way, via: Mapping[tuple[str, int, str, int], str]) -> list[str]:
+def _chain(way: LaneLink, via: Mapping[tuple[str, int, str, int], str]) -> list[str]:
     """Return the ids of the lanes inside the junction that a way uses: two if vehicles may wait in the middle."""
     chain: list[str] = []
     lane = via.get((*way.start, *way.end), "")

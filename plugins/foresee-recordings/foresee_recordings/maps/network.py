@@ -15,19 +15,18 @@ import numpy as np
 from foresee_dsl.compile.foreign.geometry_faults import NARROWEST_M
 from foresee_dsl.compile.foreign.networks import write_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert
+from foresee_dsl.compile.nets.plain_edges import SPEED_MPS
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import environment
 from foresee_dsl.errors import CompileError
 from foresee_recordings.maps.conflicts import add_conflicts
 from foresee_recordings.maps.dividing import divide
-from foresee_recordings.maps.junctions import Layout, Road, Way, layout_of
+from foresee_recordings.maps.junctions import LaneLink, Layout, Road, layout_of
 from foresee_recordings.maps.lanes import Lane, LaneMap
 from foresee_recordings.maps.net_geometry import set_lines, simplified
 from foresee_recordings.maps.signals import SignalCycle, set_programs
 from foresee_recordings.recording import FloatArray, RecordedMap, RecordingError, Track
 
-SPEED_MPS = 50 / 3.6
-"""Speed limit of lanes without one, m/s: the usual urban limit (Vienna Convention countries)."""
 _MOTOR = ("car", "van", "truck", "bus", "motorcycle")
 _FAST_PERCENT = 95.0
 """Share of samples below the speed that a road without a limit allows, percent. Ours: single errors do not count."""
@@ -230,7 +229,7 @@ def _closed(lane: Lane) -> bool:
     return lane.type == "shoulder" or (lane.type == "road" and lane.width_m < NARROWEST_M)
 
 
-def _connection(way: Way, frame: _Frame) -> _PlainConnection:
+def _connection(way: LaneLink, frame: _Frame) -> _PlainConnection:
     shape = None if way.shape is None or len(way.shape) < 2 else frame.points(way.shape)
     return _PlainConnection(way.start, way.end, way.speed_mps if shape else None, shape)
 

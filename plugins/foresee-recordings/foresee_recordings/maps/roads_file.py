@@ -7,29 +7,26 @@ from pathlib import Path
 
 from foresee_dsl.files import read_outside_text
 from foresee_recordings.maps.lanelet2 import read_lanelet2
-from foresee_recordings.maps.network import SPEED_MPS, network_of
+from foresee_recordings.maps.network import network_of
 from foresee_recordings.recording import RecordedMap, RecordingError
 
 _AS_THEY_ARE = (".net.xml", ".xodr", ".foresee")
 """Files that a scenario can use as its network without a conversion."""
 
 
-def roads_of_file(
-    path: Path, *, origin_m: tuple[float, float] = (0.0, 0.0), speed_mps: float = SPEED_MPS
-) -> RecordedMap:
+def roads_of_file(path: Path, *, origin_m: tuple[float, float] = (0.0, 0.0)) -> RecordedMap:
     """Return the roads of a file.
 
     Args:
         origin_m: easting and northing of the recording's origin, m, for maps in UTM: levelX's `xUtmOrigin` and
             `yUtmOrigin`.
-        speed_mps: speed limit of lanes without one.
 
     Raises:
         RecordingError: it cannot be read, or is not a map.
     """
     if path.suffix == ".osm":
         lane_map = read_lanelet2(path)
-        roads = network_of(lane_map, speed_mps)
+        roads = network_of(lane_map)
         if not lane_map.in_utm:
             return roads
         return replace(roads, offset=(roads.offset[0] + origin_m[0], roads.offset[1] + origin_m[1]))

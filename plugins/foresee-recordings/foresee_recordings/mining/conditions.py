@@ -19,7 +19,7 @@ from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.lanes import MapFacts, map_facts
-from foresee_recordings.mining.measures import BETWEEN, Beside, gap, values_until
+from foresee_recordings.mining.measures import BETWEEN, PairOnWay, gap, values_until
 from foresee_recordings.mining.rows import Rows, pairs_of
 from foresee_recordings.mining.traffic import HEADING, IntArray, Traffic, X, Y
 from foresee_recordings.recording import FloatArray, RecordingError
@@ -156,9 +156,9 @@ def _outcomes(held: NDArray[np.bool_], unknown: NDArray[np.bool_] | bool = False
 def _fact(condition: m.Condition, rows: Rows) -> Truths:
     match condition:
         case m.Ahead():
-            return _outcomes(Beside(rows, condition.other, condition.actor).gap_ahead >= 0)
+            return _outcomes(PairOnWay(rows, condition.other, condition.actor).gap_ahead >= 0)
         case m.Behind():
-            return _outcomes(Beside(rows, condition.other, condition.actor).gap_behind >= 0)
+            return _outcomes(PairOnWay(rows, condition.other, condition.actor).gap_behind >= 0)
         case m.SameLane():
             return _same_lane(condition, rows)
         case m.Within():
@@ -177,7 +177,7 @@ def _same_lane(condition: m.SameLane, rows: Rows) -> Truths:
     if facts is not None:
         depth = facts.same_lane(rows, actor, other)
         return _outcomes(depth >= 0, np.isnan(depth))
-    left = np.minimum(np.abs(Beside(rows, other, actor).left), np.abs(Beside(rows, actor, other).left))
+    left = np.minimum(np.abs(PairOnWay(rows, other, actor).left), np.abs(PairOnWay(rows, actor, other).left))
     return _outcomes(left <= LANE_M / 2)
 
 

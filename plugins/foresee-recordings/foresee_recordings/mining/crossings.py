@@ -132,12 +132,12 @@ def _about(traffic: Traffic, actor: int, frame: int, place: tuple[float, float])
     low = int(before[-1]) + 1 if len(before) else 0
     high = at + int(after[0]) if len(after) else len(states)
     chosen = np.arange(low, max(high, low + 1))
-    stands = states[chosen, SPEED] < _STANDS_MPS
+    stands = states[chosen, SPEED] < _RECORDED_STANDS_MPS
     inner = np.zeros(len(chosen), dtype=np.bool_)
     inner[1:-1] = stands[1:-1] & stands[:-2] & stands[2:]
     frames: IntArray = chosen[~inner] + traffic.first[actor]
     return frames
 
 
-_STANDS_MPS = 0.05
+_RECORDED_STANDS_MPS = 0.05
 """Speed below which a recorded actor stands, m/s. Ours: in a second it moves by 5 cm."""

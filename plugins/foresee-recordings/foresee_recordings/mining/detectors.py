@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from foresee_dsl.simulate.results.footprints import HORIZON_S
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.crossings import Crossing, crossings
-from foresee_recordings.mining.measures import Beside, column
+from foresee_recordings.mining.measures import PairOnWay, column
 from foresee_recordings.mining.rows import EGO, EGO_KINDS, Rows, rows_of
 from foresee_recordings.mining.situation import Occurrence
 from foresee_recordings.mining.traffic import HEADING, SPEED, Traffic, X, Y
@@ -68,7 +68,7 @@ def cut_ins(traffic: Traffic, within_m: float) -> Iterator[Occurrence]:
         near = rows.at(_may_be_ahead(rows))
         if not len(near):
             continue
-        beside = Beside(near, EGO, "other")
+        beside = PairOnWay(near, EGO, "other")
         inside = beside.lateral <= 0.0
         entered = inside[1:] & ~inside[:-1] & (np.diff(near.frames) == 1) & (np.diff(near.group) == 0)
         done: set[int] = set()
@@ -98,7 +98,7 @@ def _may_be_ahead(rows: Rows) -> Flags:
     return may_be
 
 
-def _cut_in(rows: Rows, beside: Beside, k: int) -> Occurrence | None:
+def _cut_in(rows: Rows, beside: PairOnWay, k: int) -> Occurrence | None:
     """Return the cut-in that begins to overlap the ego's way at row k; None if it is none."""
     traffic, frames = rows.traffic, rows.frames
     ego, other = int(rows.actors[EGO][k]), int(rows.actors["other"][k])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -13,7 +12,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.kernels.boxes import corners
 from foresee_dsl.simulate.results.metrics import outlines_of
-from foresee_dsl.simulate.triggers.ways import IN_LANE_OF_M
+from foresee_dsl.simulate.triggers.ways import strip_of
 from foresee_recordings.maps.matching import route_of
 from foresee_recordings.mining.roads import network_of
 from foresee_recordings.mining.rows import Rows
@@ -117,25 +116,8 @@ class MapFacts:
 
     def _make_strip(self, number: int, actor: int) -> shapely.LineString:
         """Return the centreline of a lane and of the lanes that continue it along the actor's route."""
-        lane, kind = self._lanes[number], _lane_kind(self._traffic.tracks[actor].kind)
-        points, length, onward = [*lane.shape], lane.length_m, dict(pairwise(self._route(actor)))
-        while length < IN_LANE_OF_M:
-            through = self.network.movements_through(lane.id)
-            moves = [
-                move
-                for move in through or self.network.movements_from(lane.edge, kind)
-                if (through or move.from_lane == lane.id) and onward.get(move.from_edge) == move.to_edge
-            ]
-            if not moves:
-                break
-            move = moves[0]
-            via = move.via[move.via.index(lane.id) + 1 :] if through else move.via
-            for part in (*via, move.to_lane):
-                points += self.network.lanes[part].shape
-                length += self.network.lanes[part].length_m
-            lane = self.network.lanes[move.to_lane]
-            onward.pop(move.from_edge)
-        return shapely.LineString(points)
+        kind = _lane_kind(self._traffic.tracks[actor].kind)
+        return shapely.LineString(strip_of(self.network, self._lanes[number].id, self._route(actor), kind))
 
 
 def _lane_kind(kind: str) -> LaneKind:

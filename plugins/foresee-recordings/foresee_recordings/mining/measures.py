@@ -13,7 +13,7 @@ from foresee_dsl.kernels.conditions import STILL_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import word_of
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS
+from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining import kernels
 from foresee_recordings.mining.rows import Rows
@@ -50,7 +50,7 @@ def values_until(measure: m.Measure, rows: Rows, bound: float) -> FloatArray:
         return out
     speed = np.ones(len(rows))
     if measure.what == "headway":
-        speed = np.maximum(column(rows, name, SPEED), SLOWEST_MPS)
+        speed = np.maximum(column(rows, name, SPEED), ETA_SLOWEST_MPS)
     kernels.gaps_within(*pair, bound * speed, out)
     out /= speed
     return out
@@ -78,7 +78,7 @@ def _ttc(rows: Rows, name: str, other: str) -> FloatArray:
 
 
 def _headway(rows: Rows, name: str, other: str) -> FloatArray:
-    return gap(rows, name, other) / np.maximum(column(rows, name, SPEED), SLOWEST_MPS)
+    return gap(rows, name, other) / np.maximum(column(rows, name, SPEED), ETA_SLOWEST_MPS)
 
 
 def _relative_speed(rows: Rows, name: str, other: str) -> FloatArray:
@@ -89,7 +89,7 @@ def _relative_speed(rows: Rows, name: str, other: str) -> FloatArray:
 # --- along the way of the first actor ---------------------------------------------------------------------------------
 
 
-class Beside:
+class PairOnWay:
     """Where two actors are on the way of the first of them; see `simulate.triggers.ways`.
 
     Attributes:
@@ -136,9 +136,9 @@ BETWEEN: dict[str, Callable[[Rows, str, str], FloatArray]] = {
     "distance": gap,
     "ttc": _ttc,
     "headway": _headway,
-    "lateral": lambda rows, name, other: Beside(rows, name, other).lateral,
-    "overlap": lambda rows, name, other: Beside(rows, name, other).overlap,
-    "ttc_along": lambda rows, name, other: Beside(rows, name, other).time_s,
+    "lateral": lambda rows, name, other: PairOnWay(rows, name, other).lateral,
+    "overlap": lambda rows, name, other: PairOnWay(rows, name, other).overlap,
+    "ttc_along": lambda rows, name, other: PairOnWay(rows, name, other).time_s,
     "relative_speed": _relative_speed,
 }
 """Measures between two actors, by their word."""

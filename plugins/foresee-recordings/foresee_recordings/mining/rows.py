@@ -18,6 +18,9 @@ EGO_KINDS = ("car", "van", "truck", "bus", "motorcycle")
 """Classes of actors that can be the ego: what a driver of this tool drives."""
 MOST_NAMES = 3
 """Largest number of actors in a condition. Ours: with a fourth one, a minute of dense traffic takes hours."""
+_TOUCHING_M = 30.0
+"""Footprints of actors whose centres stay farther apart than this do not touch, m: the longest road trains are 25 m
+long."""
 _SAMPLED = 10
 """Pairs are first compared at every tenth frame, 0.5 s apart."""
 _SLACK_M = 25.0
@@ -82,15 +85,12 @@ def rows_of(traffic: Traffic, names: Sequence[str], within_m: float) -> Iterator
                 yield rows
 
 
-def pairs_of(traffic: Traffic, within_m: float = 30.0) -> Iterator[Rows]:
-    """Yield the rows of each pair of actors once, as `a` and `b`, whose centres come within a distance of each other.
-
-    The default suits questions about touching footprints: the longest road trains are 25 m long.
-    """
-    near = neighbours(traffic, within_m)
+def pairs_of(traffic: Traffic) -> Iterator[Rows]:
+    """Yield the rows of each pair of actors once, as `a` and `b`, whose footprints may touch."""
+    near = neighbours(traffic, _TOUCHING_M)
     for actor in sorted(near):
         rows = _joined(
-            traffic, ("a", "b"), [(actor, other) for other in sorted(near[actor]) if other > actor], within_m
+            traffic, ("a", "b"), [(actor, other) for other in sorted(near[actor]) if other > actor], _TOUCHING_M
         )
         if len(rows):
             yield rows

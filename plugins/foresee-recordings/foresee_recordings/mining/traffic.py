@@ -31,7 +31,7 @@ LONGEST_ROWS = 20_000_000
 
 
 @dataclass(frozen=True)
-class Way:
+class DrivenWay:
     """The way that an actor drove, continued straight at both ends.
 
     Attributes:
@@ -98,7 +98,7 @@ class Traffic:
             [self._resampled(track, *span) for track, span in zip(self.tracks, frames, strict=True)]
         )
         self.sizes: FloatArray = np.repeat([(t.length_m, t.width_m) for t in self.tracks], counts, axis=0)
-        self._ways: dict[int, Way] = {}
+        self._ways: dict[int, DrivenWay] = {}
 
     def __len__(self) -> int:
         """Return the number of actors."""
@@ -137,7 +137,7 @@ class Traffic:
         """Return footprints, [N, 5]: x, y, heading, length, width."""
         return np.column_stack([self.states[rows][:, [X, Y, HEADING]], self.sizes[rows]])
 
-    def way(self, actor: int) -> Way:
+    def way(self, actor: int) -> DrivenWay:
         """Return the way of an actor, computed once."""
         if actor not in self._ways:
             self._ways[actor] = way_of(self.part(actor))
@@ -163,7 +163,7 @@ class Traffic:
         return out
 
 
-def way_of(states: FloatArray) -> Way:
+def way_of(states: FloatArray) -> DrivenWay:
     """Return the way of an actor with these states, [N, 5]."""
     at = spaced(states[:, [X, Y]])
     points = states[at][:, [X, Y]]
@@ -183,15 +183,15 @@ def way_of(states: FloatArray) -> Way:
     own = np.searchsorted(at, np.arange(len(states)), side="right")  # the segment that begins at the last point passed
     own = np.clip(own, 1, len(line) - 2)
     share = ((states[:, [X, Y]] - line[own]) * steps[own]).sum(axis=1) / np.maximum(lengths[own] ** 2, 1e-12)
-    return Way(np.ascontiguousarray(line), along, heading_at_points, along[own] + share * lengths[own])
+    return DrivenWay(np.ascontiguousarray(line), along, heading_at_points, along[own] + share * lengths[own])
 
 
-def spaced(xy: FloatArray, step_m: float = WAY_STEP_M) -> IntArray:
-    """Return the indices of points [N, 2] that are at least `step_m` from the one before; the first is among them."""
+def spaced(xy: FloatArray) -> IntArray:
+    """Return the indices of points [N, 2] that are at least `WAY_STEP_M` from the one before, and the first."""
     places: Sequence[tuple[float, float]] = [(float(x), float(y)) for x, y in xy]
     chosen, (x, y) = [0], places[0]
     for k, (px, py) in enumerate(places):
-        if (px - x) * (px - x) + (py - y) * (py - y) >= step_m * step_m:
+        if (px - x) * (px - x) + (py - y) * (py - y) >= WAY_STEP_M * WAY_STEP_M:
             chosen.append(k)
             x, y = px, py
     return np.array(chosen, dtype=np.int64)

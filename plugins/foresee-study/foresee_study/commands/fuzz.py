@@ -7,9 +7,21 @@ from typing import Annotated
 
 import typer
 
+from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
-from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, notes_on, shard_of
+from foresee_dsl.cli.options.campaign_options import (
+    CPUS,
+    BudgetOption,
+    Jobs,
+    MemoryOption,
+    RetryOption,
+    ShardOption,
+    StoreOption,
+    limits_of,
+    notes_on,
+    shard_of,
+)
 from foresee_dsl.cli.options.common import FAILED, FirstOption, JsonOption, OnlyOption, SeedOption, console, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.cli.options.stop_signal import StopSignal
@@ -39,17 +51,15 @@ def fuzz(
     driver: common.DriverOption = "pdm",
     seed: SeedOption = 0,
     jobs: Jobs = CPUS,
-    store: Annotated[
-        Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
-    ] = None,
+    store: StoreOption = None,
     first: FirstOption = None,
     only: OnlyOption = None,
-    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = "",
+    shard: ShardOption = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    memory: Annotated[float, typer.Option(min=100, help="Memory limit of a worker, MB.")] = 4096,
-    budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Repeat runs that crashed or hung before.")] = False,
+    memory: MemoryOption = CampaignLimits.memory_mb,
+    budget: BudgetOption = None,
+    retry: RetryOption = False,
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     format_: FormatOption = "text",
@@ -68,7 +78,6 @@ def fuzz(
     from contextlib import ExitStack
 
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
@@ -85,7 +94,7 @@ def fuzz(
     stop = StopSignal()
     options = RunOptions(
         jobs=jobs,
-        limits=CampaignLimits(deadline, memory, None if budget is None else budget * 60, step_deadline),
+        limits=limits_of(deadline, memory, budget, step_deadline),
         shard=shard_of(shard),
         retry=retry,
         stop=stop,

@@ -10,9 +10,24 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
+from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
-from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
+from foresee_dsl.cli.options.campaign_options import (
+    CPUS,
+    BudgetOption,
+    ExecutorOption,
+    Jobs,
+    MemoryOption,
+    RetryOption,
+    SchedulerOption,
+    ShardOption,
+    StoreOption,
+    executor_of,
+    limits_of,
+    notes_on,
+    shard_of,
+)
 from foresee_dsl.cli.options.common import (
     FAILED,
     AllowOutsideOption,
@@ -24,6 +39,7 @@ from foresee_dsl.cli.options.common import (
     selected,
 )
 from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
 from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
@@ -58,9 +74,7 @@ def study(
         ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("out/study"),
-    store: Annotated[
-        Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
-    ] = None,
+    store: StoreOption = None,
     drivers: Annotated[
         str | None,
         typer.Option(metavar="NAMES", help="Drivers, separated by commas; by default fusion_safe,fusion,pdm,frenetix."),
@@ -102,7 +116,7 @@ def study(
             help="For rq2: further presets, other readings of the paper, such as paper_late,paper_brief.",
         ),
     ] = None,
-    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants per clip.")] = 4,
+    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants per clip.")] = DEFAULT_CHILDREN,
     against: Annotated[
         str | None,
         typer.Option(
@@ -142,20 +156,14 @@ def study(
     ] = None,
     seed: common.SeedOption = 0,
     jobs: Jobs = CPUS,
-    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = "",
-    executor: Annotated[
-        str, typer.Option(help="Where runs are executed: local (processes here), dask (a cluster).")
-    ] = "local",
-    scheduler: Annotated[
-        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started on this machine.")
-    ] = "",
+    shard: ShardOption = "",
+    executor: ExecutorOption = "local",
+    scheduler: SchedulerOption = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
-    memory: Annotated[float, typer.Option(min=100, help="Memory limit of a worker, MB.")] = 4096,
-    budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier study.")
-    ] = False,
+    memory: MemoryOption = CampaignLimits.memory_mb,
+    budget: BudgetOption = None,
+    retry: RetryOption = False,
     plan: Annotated[bool, typer.Option("--plan", help="Only show how many runs each question needs.")] = False,
     page: Annotated[Path | None, typer.Option(help="Also write the page of results to this file.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
@@ -217,12 +225,11 @@ def study(
         _plan(names, settings, groups, store or folder.store, form=form, jobs=jobs)
         return
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.campaign.settings import CampaignLimits
     from foresee_study.statistics.effects import lacks_statsmodels
 
     options = RunOptions(
         jobs=jobs,
-        limits=CampaignLimits(deadline, memory, None if budget is None else budget * 60, step_deadline),
+        limits=limits_of(deadline, memory, budget, step_deadline),
         shard=shard_of(shard),
         retry=retry,
         executor=executor_of(executor, scheduler),
@@ -236,7 +243,7 @@ def study(
         raise typer.Exit(FAILED)
     if lacking:
         screen.print(lacking, markup=False, soft_wrap=True)
-    elif shard:
+    elif options.shard.number:
         screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
     else:
         _report(folder, chosen, page, beside, form=form, names=names)

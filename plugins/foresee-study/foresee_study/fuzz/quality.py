@@ -13,6 +13,7 @@ import numpy as np
 
 from foresee_dsl.documents import every_field
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.simulate.results.near_misses import near_misses
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEER, STEP_S, YAW_RATE, Trace
 
@@ -23,7 +24,7 @@ TURNS_MPS2 = 4.89
 speed by the steering wheel's angle, which in a kinematic model is geometry alone."""
 ROLLS_MPS = 5.0 / 3.6
 """Speed below which over- and understeer do not count, m/s: DriveFuzz's 5 km/h."""
-SWINGS_MPS2 = 0.1 * 9.81
+SWINGS_MPS2 = 0.1 * GRAVITY_MPS2
 """The ego oversteers if its lateral acceleration differs from its mean over `MEAN_S` by at least this, m/s^2:
 DriveFuzz's 0.1 g between its two low-pass filters."""
 SPINS_RAD_S = float(np.radians(17.5))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import zlib
 from dataclasses import dataclass, field
 from functools import cache
 
 from pydantic import TypeAdapter
 
+from foresee_dsl.campaign.records import packed, unpacked
 from foresee_dsl.documents import every_field, or_null, plain, rounded
-from foresee_dsl.files import unpacked_within
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_study.fuzz.quality import Quality
 from foresee_study.fuzz.settings import FuzzSettings
@@ -254,13 +252,12 @@ class CycleMean:
 
 def encode(outcome: MutatedRun) -> bytes:
     """Return an outcome as it is stored; floats keep every bit."""
-    data = _adapter().dump_python(outcome, mode="json")
-    return zlib.compress(json.dumps(data, separators=(",", ":")).encode(), 1)
+    return packed(_adapter(), outcome)
 
 
 def decode(data: bytes) -> MutatedRun:
     """Return a stored outcome; raises `ValueError` if another version wrote it."""
-    return _adapter().validate_json(unpacked_within("record", data))
+    return unpacked(_adapter(), data)
 
 
 @cache

@@ -13,11 +13,11 @@ from rich.text import Text
 
 from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.storage.store import Row
-from foresee_dsl.report.safe_text import safe, shortened
+from foresee_dsl.report.safe_text import counted, safe, shortened
 from foresee_dsl.report.terminal.live import bars
 from foresee_dsl.report.terminal.steps import EVERY_S
 from foresee_dsl.report.terminal.tables import duration, plain_table
-from foresee_dsl.report.verdicts import counted, without_verdict
+from foresee_dsl.report.verdicts import without_verdict
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from foresee_dsl.campaign.regression.expectations import expected_of
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.printer import print_item, print_model
+from foresee_dsl.language.printer import print_item, print_model, quotable
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -95,7 +95,7 @@ def file_text(
         about: a sentence for `doc`.
         driver, outcome: the driver of its run and the run's outcome, for an `expected` line; None without a run.
     """
-    body: list[m.ExtensionItem] = [m.Doc(text=" ".join(about.replace('"', "'").split()))] if about else []
+    body: list[m.ExtensionItem] = [m.Doc(text=quotable(about))] if about else []
     # A timeout may not happen again on another machine.
     if outcome is not None and outcome.verdict is not Verdict.TIMEOUT:
         expected = expected_of(outcome, driver)

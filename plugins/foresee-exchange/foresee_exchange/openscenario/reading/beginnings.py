@@ -14,7 +14,7 @@ import shapely
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS
+from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
 
 _COMPARES: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
@@ -79,7 +79,7 @@ def _measured(measure: m.Measure, beginnings: Mapping[str, Beginning]) -> float 
         turned = other.middle.heading_rad - actor.middle.heading_rad
         return actor.speed_mps - other.speed_mps * math.cos(turned)
     apart = float(actor.footprint.distance(other.footprint))
-    return apart if measure.what == "distance" else apart / max(actor.speed_mps, SLOWEST_MPS)
+    return apart if measure.what == "distance" else apart / max(actor.speed_mps, ETA_SLOWEST_MPS)
 
 
 def _distance(actor: Beginning, of: object, beginnings: Mapping[str, Beginning]) -> float | None:

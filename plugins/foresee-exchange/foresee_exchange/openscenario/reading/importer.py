@@ -160,15 +160,15 @@ def _with_places(reading: _Reading, file: Path, folder: Path) -> _Reading:
     """Return a reading whose actors can be placed, checked by writing it to an empty folder; a goal beside the ego's
     way is dropped."""
     mistakes = _write(reading, folder)
-    if mistakes and all("the goal is" in mistake.message for mistake in mistakes):
+    if mistakes and all(mistake.code == _GOAL for mistake in mistakes):
         reading.losses.left_out["goals beside the ego's way (it goes to its end)"] += 1
         reading = dataclasses.replace(reading, scenario=_without_goal(reading.scenario))
         mistakes = _write(reading, folder)
     if mistakes:
         messages = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
         refusal = f"{file} cannot be played on its network: {messages}".replace(f"{folder}{os.sep}", "")
-        if all(_ON_TOP in d.message for d in mistakes):
-            raise _OnTopError(refusal, {d.message.partition(_ON_TOP)[0] for d in mistakes})
+        if all(mistake.code == _ON_TOP for mistake in mistakes):
+            raise _OnTopError(refusal, {name for mistake in mistakes for name in mistake.names})
         raise ExchangeError(refusal)
     return reading
 
@@ -269,7 +269,10 @@ def _refusal(file: Path, losses: Losses) -> str:
     )
 
 
-_ON_TOP = " starts on top of "
+_GOAL = "FS255"
+"""Code of a goal beside the ego's way, or behind its start."""
+_ON_TOP = "FS254"
+"""Code of an actor that starts on top of another one."""
 
 
 class _OnTopError(SourceError):

@@ -13,7 +13,7 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, VehicleLimits
 from foresee_dsl.errors import DriverError
 from foresee_faults.catalogue import KINDS
-from foresee_faults.fault import Actors, Fault, Spoilt
+from foresee_faults.fault import Actors, DriverState, Fault, Spoilt
 
 HEALTHY = {"pdm": PdmDriver, "idm": IdmDriver}
 """The drivers into which faults are seeded."""
@@ -28,7 +28,7 @@ class FaultyDriver:
     def __init__(self, base: str, kind: str, strength: float) -> None:
         self.name = f"{base} with {kind}@{strength:g}"
         self.fault: Fault = KINDS[kind](strength)
-        self._healthy: BundledDriver[object] = HEALTHY[base]()  # type: ignore[type-var, assignment]
+        self._healthy: BundledDriver[Any] = HEALTHY[base]()
         self._actors: tuple[float | None, Actors] = (None, ())
         self.parts = self._healthy.parts
         self._ideal: frozenset[DriverPart] = frozenset()
@@ -87,8 +87,8 @@ class FaultyDriver:
         self._healthy.reset(self.fault.change_mission(mission), self.fault.change_vehicle(vehicle), seed)
         self.fault.settle(self._healthy.state)
         if self._after_tracking and self.fault.overrides("change_actors"):
-            state: Any = self._healthy.state
-            state._tracker = Spoilt(state._tracker, self.fault.change_actors)
+            state: DriverState = self._healthy.state
+            state.tracker = Spoilt(state.tracker, self.fault.change_actors)
 
     def step(self, observation: Observation) -> Control:
         """Let the healthy driver answer the changed observation, and return its answer as the fault changes it."""

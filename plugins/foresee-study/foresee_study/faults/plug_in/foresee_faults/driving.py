@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, Mission, Observation, VehicleLimits
+from foresee_dsl.kernels.constants import STEP_S
 from foresee_dsl.kernels.pdm.route import GRID_M
-from foresee_faults.fault import STEP_S, WET_FRICTION, Actors, Fault
+from foresee_faults.fault import WET_FRICTION, Actors, DriverState, Fault
 
 
 class WeakBrakesWet(Fault):
@@ -230,11 +230,11 @@ class FastInCurves(Fault):
     cause = "a limit of lateral acceleration that was meant for a sports mode"
     scale = "2.5 to 5 m/s^2 to the side"
 
-    def settle(self, state: Any) -> None:  # noqa: ANN401 - see Fault
+    def settle(self, state: DriverState) -> None:
         """Give the driver another speed profile, in a copy of its route, because other runs share the route."""
         if not self.strength:
             return
-        route = state._route
+        route = state.route
         columns = {name: values.copy() for name, values in route.columns.items()}
         limit = np.interp(columns["s"], self.task.s, self.task.speed_limit_mps)
         squared = np.minimum(limit**2, self.between(2.5, 5.0) / np.maximum(np.abs(columns["curvature"]), 1e-6))
@@ -242,9 +242,7 @@ class FastInCurves(Fault):
         columns["profile"] = np.sqrt(np.minimum.accumulate((squared + ramp)[::-1])[::-1] - ramp)
         points = route.points.copy()
         points["profile"] = columns["profile"]
-        state._route = replace(route, points=points, columns=columns)
-        if hasattr(state, "_road"):  # the same route of `pdm`, as the arrays that its kernel takes
-            state._road = points, *state._road[1:]
+        state.follow(replace(route, points=points, columns=columns))
 
 
 def _smooth(values: FloatArray, width: int) -> FloatArray:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from foresee_dsl.drivers.parts import DriverPart
+from foresee_dsl.drivers.pdm.route import DriverRoute
 from foresee_dsl.drivers.protocol import (
     Control,
     EgoState,
@@ -25,12 +26,21 @@ from foresee_dsl.drivers.tracking import Tracker, Tracks
 Actors = tuple[SeenActor, ...]
 Signals = dict[str, SignalColour]
 
-STEP_S = 0.05
 BEFORE_JUNCTION_M = 40.0
 """Distance before the stop line from which a fault of right of way acts, m. Ours: the comfortable stopping distance
 from 50 km/h."""
 WET_FRICTION = 0.85
 """Friction coefficient below which a road is wet. Ours: a dry road has 0.9."""
+
+
+class DriverState(Protocol):
+    """The part of a healthy driver's state that faults change; the driver keeps it from one reset to the next."""
+
+    route: DriverRoute
+    tracker: Tracker
+
+    def follow(self, route: DriverRoute) -> None:
+        """Follow another route."""
 
 
 class Fault:
@@ -73,7 +83,7 @@ class Fault:
         """Return the vehicle as the driver knows it."""
         return vehicle
 
-    def settle(self, state: Any) -> None:  # noqa: ANN401 - what the healthy driver keeps from one reset to the next
+    def settle(self, state: DriverState) -> None:
         """Change the state that the driver has derived from its mission."""
 
     def change_actors(self, actors: Actors, observation: Observation) -> Actors:

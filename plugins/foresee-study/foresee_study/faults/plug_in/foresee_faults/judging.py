@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import FloatArray, Foe, Mission, Observation
 from foresee_dsl.drivers.tracking import COAST_S, STANDING_COAST_S, Tracks
 from foresee_dsl.kernels.pdm.settings import SENSED_STANDS_MPS
-from foresee_faults.fault import Actors, Fault, Remembering, relative, turned
+from foresee_faults.fault import Actors, DriverState, Fault, Remembering, relative, turned
 
 
 class ForgetsHidden(Fault):
@@ -23,9 +23,9 @@ class ForgetsHidden(Fault):
     scale = "after 1.5 s (4 s of one that stood) to at once"
     source = "NTSB HAR-19/03 (Tempe: the track's history was dropped)"
 
-    def settle(self, state: Any) -> None:  # noqa: ANN401 - see Fault
+    def settle(self, state: DriverState) -> None:
         """Give the driver a tracker that drops tracks early."""
-        state._tracker = Remembering(self._reported_tracks)
+        state.tracker = Remembering(self._reported_tracks)
 
     def _reported_tracks(self, tracks: Tracks) -> Tracks:
         if not self.strength:

@@ -9,7 +9,9 @@ from typing import Any, ClassVar, TypeVar
 
 from foresee_dsl.drivers.parts import DriverPart
 from foresee_dsl.drivers.protocol import Mission, Observation, VehicleLimits
-from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, relative
+from foresee_dsl.kernels.constants import STEP_S
+from foresee_dsl.language.model_classes import CLASSES
+from foresee_faults.fault import Actors, Fault, Signals, away, moved, relative
 
 T = TypeVar("T")
 
@@ -132,7 +134,7 @@ class ShortRange(Blind):
     cause = "dirt or rime on the sensors, a threshold that is too high"
     scale = "within 100 m to 6 m"
     source = "ISO 21448, triggering conditions of sensors"
-    kinds = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"})
+    kinds = frozenset(CLASSES)
     range_m, least_m = 100.0, 6.0
 
 

@@ -24,7 +24,7 @@ straight on instead. Ours.
 _SPACING_M = 1.0
 
 
-class Way(RecordedPath):
+class ExtendedPath(RecordedPath):
     """A recorded path with its extension along the route and its recorded speeds.
 
     Attributes:
