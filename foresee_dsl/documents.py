@@ -15,15 +15,18 @@ document has more to read has a class method `from_document`, too.
 from __future__ import annotations
 
 import inspect
+import json
 import math
 import sys
 import types
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from pathlib import PurePath
 from typing import (
+    TYPE_CHECKING,
     Any,
     NotRequired,  # pydantic requires this one before Python 3.12
     TypeVar,
@@ -35,6 +38,11 @@ from typing import (
 
 from pydantic import BaseModel
 from typing_extensions import TypedDict
+
+from foresee_dsl.files import unpacked_within
+
+if TYPE_CHECKING:  # pydantic imports it only when it is used
+    from pydantic import TypeAdapter
 
 Record = TypeVar("Record")
 _PLAIN = frozenset((str, int, bool, types.NoneType))
@@ -249,3 +257,20 @@ def _shape_of_record(kind: Any) -> Any:  # noqa: ANN401 - as above
 @cache
 def _names(kind: Any) -> tuple[str, ...]:  # noqa: ANN401 - a dataclass or a class of named tuples
     return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else tuple(kind._fields)
+
+
+def packed(adapter: TypeAdapter[Record], record: Record) -> bytes:
+    """Return a record as compressed JSON; floats keep every bit."""
+    plain = adapter.dump_python(record, mode="json")
+    # Level 1, because it packs a clip's 8 kB of text to 2 kB in 0.1 ms; level 6 saves another tenth and takes three
+    # times as long.
+    return zlib.compress(json.dumps(plain, separators=(",", ":")).encode(), 1)
+
+
+def unpacked(adapter: TypeAdapter[Record], data: bytes) -> Record:
+    """Return the record of compressed JSON.
+
+    Raises:
+        ValueError: another version of the record's class wrote it, or it is larger than the limit `record` allows.
+    """
+    return adapter.validate_json(unpacked_within("record", data))

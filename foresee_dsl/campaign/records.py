@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, NamedTuple, Self, TypeVar, get_args
+from typing import Any, NamedTuple, Self, get_args
 
 from pydantic import TypeAdapter
 
@@ -19,13 +17,10 @@ from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
-from foresee_dsl.documents import or_null, read_fields, read_record, rounded, where_set
-from foresee_dsl.files import unpacked_within
+from foresee_dsl.documents import or_null, packed, read_fields, read_record, rounded, unpacked, where_set
 from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, RunRecord, Verdict
 from foresee_dsl.story import Story
-
-R = TypeVar("R")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -432,23 +427,6 @@ def decode(data: bytes, kind: type[Any]) -> Record:
     """
     record: Record = unpacked(_adapter(kind.__name__), data)
     return record
-
-
-def packed(adapter: TypeAdapter[R], record: R) -> bytes:
-    """Return a record as compressed JSON; floats keep every bit."""
-    plain = adapter.dump_python(record, mode="json")
-    # Level 1, because it packs a clip's 8 kB of text to 2 kB in 0.1 ms; level 6 saves another tenth and takes three
-    # times as long.
-    return zlib.compress(json.dumps(plain, separators=(",", ":")).encode(), 1)
-
-
-def unpacked(adapter: TypeAdapter[R], data: bytes) -> R:
-    """Return the record of compressed JSON.
-
-    Raises:
-        ValueError: another version of the record's class wrote it, or it is larger than the limit `record` allows.
-    """
-    return adapter.validate_json(unpacked_within("record", data))
 
 
 @cache

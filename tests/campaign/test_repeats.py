@@ -13,7 +13,7 @@ from lxml import html
 from tests.support import command
 from tests.support.small_campaign import write_project
 
-SHORT = ("--before", "3", "--after", "3", "--risky-points", "1", "--children", "2", "--against", "none", "--jobs", "1")
+SHORT = ("--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1")
 DRIVER = """import random
 import threading
 import time

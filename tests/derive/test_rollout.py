@@ -34,6 +34,12 @@ def test_the_right_timing_meets_the_ego():
     assert gap(timing("0.80"))[0] > gap()[0]
 
 
+def test_a_factor_counts_from_the_one_with_which_the_track_was_recorded():
+    """An actor that drove 0.5 times as fast drives twice as fast as recorded with 1.00."""
+    as_planned = Change(actor="other", property="timing", was=q("0.50"), now=q("1.00"))
+    assert gap(as_planned) == pytest.approx(gap(timing("2.00")))
+
+
 def test_a_delay_moves_the_encounter_by_its_time():
     early = make_trace({"ego": straight("car", 0, 0, EAST, 5), "other": straight("car", 50, -36, NORTH, 4)})
     delay = Change(actor="other", property="delay", was=q("0 s"), now=q("1 s"))

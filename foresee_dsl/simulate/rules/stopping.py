@@ -34,6 +34,9 @@ def can_stop(room_m: float, speed_mps: float) -> bool:
 class StopLine:
     """The line before a junction that an actor approaches.
 
+    An actor has passed it only when its front has reached the lanes inside the junction, which begin `STOP_BEFORE_M`
+    beyond the line; so that length is also a tolerance.
+
     Attributes:
         passage: the actor's way over the junction.
         must_stop: whether there is a stop sign.

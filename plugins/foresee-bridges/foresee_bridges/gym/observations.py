@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,10 @@ class ObjectList:
 
     SIZE = _EGO + 2 * ROUTE_POINTS + _PER_ACTOR * ACTORS
 
+    @cached_property
+    def _tracker(self) -> RouteTracker:
+        return RouteTracker(self.mission)
+
     def place(self, observation: Observation, after_s: float | None = None) -> float:
         """Return the length along the route at which the ego is, m.
 
@@ -84,7 +89,7 @@ class ObjectList:
         along = mission.centreline[k + 1] - mission.centreline[k]
         offset = np.array((ego.x, ego.y)) - mission.centreline[k]
         left_m = float(along[0] * offset[1] - along[1] * offset[0]) / max(math.hypot(*along), 1e-9)
-        ahead = RouteTracker(mission).next_junction(place_s)
+        ahead = self._tracker.next_junction(place_s)
         stop_m = min(ahead.stop_s - place_s, RANGE_M) if ahead is not None else RANGE_M
         colour = observation.signals.get(ahead.signal) if ahead is not None and ahead.signal is not None else None
         return [
@@ -102,7 +107,7 @@ class ObjectList:
     def _route(self, observation: Observation, place_s: float) -> NDArray[np.float64]:
         """Return x and y of the route's next points relative to the ego, [ROUTE_POINTS, 2]."""
         marks: FloatArray = place_s + ROUTE_STEP_M * np.arange(1, ROUTE_POINTS + 1, dtype=np.float64)
-        return _relative(observation, RouteTracker(self.mission).points(marks)) / RANGE_M
+        return _relative(observation, self._tracker.points(marks)) / RANGE_M
 
     def _actor(self, observation: Observation, actor: SeenActor) -> list[float]:
         x, y = _relative(observation, np.array([(actor.x, actor.y)]))[0] / RANGE_M

@@ -7,8 +7,7 @@ from functools import cache
 
 from pydantic import TypeAdapter
 
-from foresee_dsl.campaign.records import packed, unpacked
-from foresee_dsl.documents import every_field, or_null, plain, rounded
+from foresee_dsl.documents import every_field, or_null, packed, plain, rounded, unpacked
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_study.fuzz.quality import Quality
 from foresee_study.fuzz.settings import FuzzSettings
