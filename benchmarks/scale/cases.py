@@ -24,7 +24,9 @@ from foresee_dsl.report.page.html import write_report
 
 CASES = 1000
 JOBS = 2
-SETTINGS = CampaignSettings(before_s=3.0, after_s=2.0, risky_points=1, children=1, against=())
+SETTINGS = CampaignSettings(
+    ranker="foresee", preset="focused", before_s=3.0, after_s=2.0, risky_points=1, children=1, against=()
+)
 SAMPLES = 10
 _SHORT = """foresee 1
 

@@ -19,7 +19,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 
 WORKERS = (2, 4, 8)
-SETTINGS = CampaignSettings(repeat=2, against=())
+SETTINGS = CampaignSettings(ranker="foresee", preset="focused", repeat=2, against=())
 
 
 def measure(executor: str, jobs: int) -> tuple[float, int]:

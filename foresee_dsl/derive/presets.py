@@ -197,11 +197,11 @@ FOCUSED = Preset(
         least_speed_mps=2.0,
     ),
 )
-"""Ours, the default: it changes the ranked actor, one second before the risky point."""
+"""Ours, the default of `foresee mutate`: it changes the ranked actor, one second before the risky point."""
 
 AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
-"""Ours: first changes that hit the recorded ego and that a careful driver could have avoided, then changes as in
-`focused`."""
+"""Ours, the default of a campaign: first changes that hit the recorded ego and that a careful driver could have
+avoided, then changes as in `focused`."""
 
 LAWFUL = replace(
     FOCUSED,

@@ -113,7 +113,7 @@ def test_mistakes_are_shown_where_they_are(project: Path, line: str, instead: st
 def test_it_runs_and_the_command_line_goes_before_it(project: Path, tmp_path: Path) -> None:
     file = written(project, NIGHTLY.replace("[idm]", "[idm, pdm]"))
     plans = foresee("plan", file, "--out", tmp_path / "out")
-    assert "idm, foresee" in plans and "pdm, foresee" in plans
+    assert "idm, reach" in plans and "pdm, reach" in plans
     foresee("campaign", file, "--out", tmp_path / "one", "--driver", "idm", "--children", "0", "--quiet", "--exit-zero")
     one = json.loads((tmp_path / "one" / "campaign.json").read_text())
     settings = one["settings"]

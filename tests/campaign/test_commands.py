@@ -14,10 +14,10 @@ import pytest
 
 from foresee_dsl.campaign.storage.store import Store
 from tests.support import command
-from tests.support.small_campaign import published, write_project
+from tests.support.small_campaign import SMALL, published, write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"
-OPTIONS = ("--driver", "idm", "--before", "3", "--after", "3", "--children", "2")
+OPTIONS = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--children", "2")
 
 
 def foresee(*arguments: object, expect: int = 0) -> subprocess.CompletedProcess[str]:

@@ -17,7 +17,7 @@ from foresee_dsl.campaign.profiling.profile import Profile
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.terminal.profile import driver_sentence, print_profile
 from tests.support.first_project import checked, foresee
-from tests.support.small_campaign import published, write_project
+from tests.support.small_campaign import SMALL, published, write_project
 
 PROGRAM = """
 import json, sys
@@ -29,8 +29,8 @@ for line in sys.stdin:
         ("steer", "throttle", "brake"), 0.1)
     print(json.dumps(answer), flush=True)
 """
-CAMPAIGN = ("--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--children", "2", "--against",
-            "none", "--jobs", "1", "--quiet", "--exit-zero")  # fmt: skip
+CAMPAIGN = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--children", "2",
+            "--against", "none", "--jobs", "1", "--quiet", "--exit-zero")  # fmt: skip
 IN_EVERY_RUN = {"driver", "driver_begins", "sumo", "world", "actors", "director", "sensing", "judging", "recording",
                 "loop", "placing", "compile", "start", "reading", "handing"}  # fmt: skip
 

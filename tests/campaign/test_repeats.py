@@ -11,9 +11,9 @@ import pytest
 from lxml import html
 
 from tests.support import command
-from tests.support.small_campaign import write_project
+from tests.support.small_campaign import SMALL, write_project
 
-SHORT = ("--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1")
+SHORT = (*SMALL, "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1")
 DRIVER = """import random
 import threading
 import time

@@ -16,9 +16,10 @@ from foresee_dsl.drivers.process_state import ProcessState, put_back
 from tests.campaign.test_isolation import alive
 from tests.support import bad_driver
 from tests.support.command import foresee
+from tests.support.small_campaign import SMALL
 
 SETERR = "changed how numpy handles floating-point errors (numpy.seterr)"
-OPTIONS = ("--jobs", "1", "--risky-points", "1", "--children", "2", "--against", "none", "--quiet", "--json")
+OPTIONS = (*SMALL, "--jobs", "1", "--risky-points", "1", "--children", "2", "--against", "none", "--quiet", "--json")
 
 
 def campaign(folder: Path, how: str, expect: int = 0) -> tuple[dict[str, object], str]:

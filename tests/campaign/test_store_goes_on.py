@@ -18,9 +18,9 @@ from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.campaign.storage.maintenance import sweep
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.cli import app
-from tests.support.small_campaign import campaign, published, write_project
+from tests.support.small_campaign import SMALL, campaign, published, write_project
 
-OPTIONS = ("--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "2")
+OPTIONS = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "2")
 WHOLE = [3, 3, 3, 3, 12]
 """Test cases, forecasts, clips, mutations and children of the small campaign."""
 KINDS = ("seed", "forecast", "clip", "mutants", "child")

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from tests.support.command import FORESEE, program
-from tests.support.small_campaign import published, write_project
+from tests.support.small_campaign import SMALL, published, write_project
 
-OPTIONS = ("--driver", "idm", "--against", "none", "--first", "1", "--before", "3", "--after", "3", "--risky-points",
-           "1", "--children", "3", "--jobs", "2", "--quiet", "--exit-zero")  # fmt: skip
+OPTIONS = (*SMALL, "--driver", "idm", "--against", "none", "--first", "1", "--before", "3", "--after", "3",
+           "--risky-points", "1", "--children", "3", "--jobs", "2", "--quiet", "--exit-zero")  # fmt: skip
 
 
 def run_in(folder: Path, foresee: Path, *, umask: int = -1, **variables: str) -> dict[str, Any]:

@@ -23,9 +23,10 @@ from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding
 from foresee_dsl.errors import ForeseeError
 from tests.support import command
 from tests.support.first_project import checked
-from tests.support.small_campaign import TEXT, copy_runs
+from tests.support.small_campaign import SMALL, TEXT, copy_runs
 
-SHORT = ("--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1")
+SHORT = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3",
+         "--jobs", "1")  # fmt: skip
 
 
 def decision(story: str, note: str = "issue 12", kind: Triage = Triage.KNOWN) -> Decision:

@@ -20,10 +20,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.support.command import program
-from tests.support.small_campaign import published, write_project
+from tests.support.small_campaign import SMALL, published, write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"
-OPTIONS = ("--driver", "idm", "--before", "3", "--after", "3", "--quiet", "--json")
+OPTIONS = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--quiet", "--json")
 LONGEST_S = 300
 """A campaign that has not ended by then never will."""
 

@@ -60,7 +60,11 @@ scenario crosser {
   case last { gap = -0.9 s }
 }
 """
-SETTINGS = CampaignSettings(driver="idm", before_s=3, after_s=3, risky_points=2, children=4)
+SETTINGS = CampaignSettings(
+    driver="idm", ranker="foresee", preset="focused", before_s=3, after_s=3, risky_points=2, children=4
+)
+SMALL = ("--ranker", "foresee", "--preset", "focused")
+"""Options with which each clip has as many mutants as are asked for."""
 
 
 def write_project(folder: Path) -> Path:

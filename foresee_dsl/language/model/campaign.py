@@ -41,7 +41,7 @@ class Drivers(Item):
 
 class Rankers(Item):
     """`rankers [foresee, proximity]`: the rankers, each of which chooses the risky points that are clipped (default:
-    foresee)."""
+    reach)."""
 
     pattern = "rankers {names}"
     words = "rankers (statement): the methods that choose the risky points of a campaign | rankers [foresee]"

@@ -82,7 +82,9 @@ def measure_judgement(
         out: folder of the campaign. ends_s: time, as of `time.time`, after which no further mutant is driven.
         say: function that is called with a line for each failure.
     """
-    settings = CampaignSettings(driver=HEALTHY, against=WITNESSES, rules=RulesMode.OFF)
+    settings = CampaignSettings(
+        driver=HEALTHY, ranker="foresee", preset="focused", against=WITNESSES, rules=RulesMode.OFF
+    )
     with Store(out / "store") as store:
         result = run_campaign(cases, settings, out=out / "campaign", store=store, options=RunOptions(jobs=jobs))
     by_id = {case.id: case for case in cases}

@@ -58,8 +58,8 @@ class Approach:
     """A search approach.
 
     Attributes:
-        name: its name. settings: campaign settings that differ from the default; None: the test cases are driven
-            unchanged, with one seed of the sensors' noise after the other.
+        name: its name. settings: campaign settings beside the ranker `foresee` and the preset `focused`; None: the test
+            cases are driven unchanged, with one seed of the sensors' noise after the other.
     """
 
     name: str
@@ -75,6 +75,7 @@ APPROACHES = {
         Approach("foresee", {"ranker": "foresee"}),
         Approach("paper", {"ranker": "foresee", "preset": "paper"}),
         Approach("careful", {"ranker": "careful", "preset": "avoidable"}),
+        Approach("reach", {"ranker": "reach", "preset": "avoidable"}),
         Approach("adaptive", {"ranker": "foresee", "allocation": "adaptive"}),
         Approach("careful-adaptive", {"ranker": "careful", "preset": "avoidable", "allocation": "adaptive"}),
         Approach("exhaustive", {"ranker": "exhaustive", "risky_points": MANY_POINTS}),
@@ -103,7 +104,9 @@ class Search:
         """Return the settings of the search's campaign."""
         driver, twin = address(self.fault, self.strength), healthy(self.fault)
         against = (twin, *(judge for judge in self.judges if judge != twin))
-        base = CampaignSettings(driver=driver, against=against, seed=self.seed, rules=RulesMode.OFF)
+        base = CampaignSettings(
+            driver=driver, ranker="foresee", preset="focused", against=against, seed=self.seed, rules=RulesMode.OFF
+        )
         return replace(base, **(self.approach.settings or {}))
 
     def key(self, cases: Sequence[TestCase]) -> str:
