@@ -288,6 +288,16 @@ class Explaining(Protocol):
 
 
 @runtime_checkable
+class Waiting(Protocol):
+    """A driver that says in words what it waits for, such as `gives way to track 7`; "" when it waits for nothing.
+
+    Implementing it is optional. The reason of a run that ends as `timeout` or `stuck` adds the words of the last step.
+    """
+
+    waits_for: str
+
+
+@runtime_checkable
 class OwnDeadline(Protocol):
     """A driver that waits for something else, such as another process, and therefore has its own deadline for each
     answer.

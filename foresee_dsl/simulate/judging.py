@@ -6,37 +6,29 @@ Judgements use the true positions of all actors, not the driver's observation.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
-from foresee_dsl.drivers.protocol import Control, Driver, Observation
+from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.drivers.protocol import Control, Driver, Observation, Waiting
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.printer import quotable
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, OutcomeJudge, RunEnd, off_road_points, squares_of
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
+from foresee_dsl.simulate.waiting import Leader, WayAhead
 
 NEAR_GOAL_M = 2.0
 """Distance to the goal below which a clip runs to the end of its window, m. Ours: the spacing of trace waypoints."""
 _LONGEST_WORDS = 200
 """Maximum number of characters of the driver's own explanation in the reason."""
-AHEAD_M = 30.0
-"""A signal or an actor at most this far ahead along the ego's route is a reason for the ego to wait, m. Ours: a stopped
-queue of four cars and the gap before it; an ego farther back has another car in front."""
-CLOSE_AHEAD_M = 15.0
-"""An actor in front that is at most this far away is a reason to wait even if it is beside the route, m. Ours: two car
-lengths plus the width of a crossing."""
-BESIDE_M = 0.8
-"""Lateral clearance below which another actor still blocks the ego, m. Ours: the clearance that drivers leave to a
-pedestrian."""
 JUNCTION_M = 10.0
 """An ego that stands at most this far before a junction is said to wait at that junction, m. Ours: two cars'
 lengths."""
@@ -90,12 +82,13 @@ class Judging:
     def step(self, frame: Frame) -> None:
         """Decide whether the run ends at this frame, and set the frame's decision."""
         simulation = self._simulation
-        along_m, _ = simulation.progress.of(simulation.ego, simulation.frame)
+        along_m, left_m = simulation.progress.of(simulation.ego, simulation.frame)
         arrived = not self._began_at_goal and along_m >= simulation.scene.goal_s
         if not arrived and self._drives_on(frame):
             self._judge.moves()
             return
         ego = simulation.ego.bicycle()
+        way = WayAhead(simulation.scene, frame.states, along_m, left_m, partial(_signalled, simulation))
         decision = self._judge.look(
             frame.time_s,
             ego,
@@ -103,12 +96,12 @@ class Judging:
             frame.states[1:, SPEED],
             off_road=not self._squares.hold(off_road_points(simulation.ego.motion, ego)),
             arrived=arrived,
-            may_wait=may_wait(simulation),
+            may_wait=way.may_wait(),
         )
         if decision is not None and decision.verdict is Verdict.F1 and not decision.with_:
             decision = self._of_the_map(decision)
         if decision is not None and decision.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
-            decision = replace(decision, reason=f"{decision.reason}; {self._waits_for()}")
+            decision = replace(decision, reason=f"{decision.reason}; {self._waits_for(way)}")
         frame.decision = decision
 
     def _drives_on(self, frame: Frame) -> bool:
@@ -130,105 +123,62 @@ class Judging:
         reason = f"invalid: the ego left the drivable area at {decision.time_s:.2f} s where the map is broken: {fault}"
         return replace(decision, verdict=Verdict.INVALID, reason=reason)
 
-    def _waits_for(self) -> str:
+    def _waits_for(self, way: WayAhead) -> str:
         """Return what the ego waits for, as the scene shows it and, if the driver explains itself, in the driver's
         words.
         """
-        scene = waits_for(self._simulation, self._recorder)
-        own = getattr(self._driver, "waits_for", "")
+        scene = _waits_for(self._simulation, self._recorder, way)
+        own = self._driver.waits_for if isinstance(self._driver, Waiting) else ""
         own = quotable(own, _LONGEST_WORDS) if isinstance(own, str) else ""
         return f"{scene} (the driver: {own})" if own else scene
 
 
-class _Ahead(NamedTuple):
-    gap_m: float
-    actor: SimulatedActor
+def _signalled(simulation: Simulation, movement: Movement) -> str:
+    """Return the present colour of a movement's signal; "" without a signal."""
+    if movement.tls is None or movement.link < 0:
+        return ""
+    return simulation.world.signals.colour(movement.tls, movement.link)
 
 
-def may_wait(simulation: Simulation) -> bool:
-    """Return whether the ego has a reason to wait: a signal that is not green, or an actor in front that is not a
-    static object.
-    """
-    ego = simulation.ego
-    if ego.speed >= STANDS_MPS:
-        return True  # the ego drives, so it does not need a reason to wait
-    if _signal(simulation) is not None:
-        return True
-    cos, sin = np.cos(ego.heading), np.sin(ego.heading)
-    return any(
-        other.placed.control != "static"
-        and np.hypot(other.x - ego.x, other.y - ego.y) <= CLOSE_AHEAD_M
-        and (other.x - ego.x) * cos + (other.y - ego.y) * sin > 0
-        for other in simulation.others(ego)
-    )
-
-
-def waits_for(simulation: Simulation, recorder: Recorder) -> str:
+def _waits_for(simulation: Simulation, recorder: Recorder, way: WayAhead) -> str:
     """Return a clause about where and for how long the ego stands, such as `the ego stands since 9.10 s, 41 m before
     its goal, 3.1 m behind walker (pedestrian), ...`.
     """
-    ego = simulation.ego
-    goal_m = simulation.scene.goal_s - simulation.progress.of(ego, simulation.frame)[0]
+    ego, leader = simulation.ego, way.leader()
+    goal_m = simulation.scene.goal_s - way.along_m
     before = f", {goal_m:.0f} m before its goal" if goal_m > 0 else ""
+    behind = _behind(simulation, recorder, leader) if leader is not None else ""
     if ego.speed >= STANDS_MPS:
-        moves = f"the ego still drives at {ego.speed * 3.6:.0f} km/h{before}"
-        ahead = _ahead(simulation)
-        return moves + (f", {_behind(simulation, recorder, ahead)}" if ahead is not None else "")
-    since_s = recorder.stands_since(0, STANDS_MPS)
-    stands = f"the ego stands since {since_s:.2f} s{before}"
-    ahead = _ahead(simulation)
-    signal = _signal(simulation)
-    if signal is not None and (ahead is None or signal[0] <= ahead.gap_m):
-        return f"{stands}, before the {signal[1]} signal of {signal[2]}"
-    if ahead is not None:
-        return f"{stands}, {_behind(simulation, recorder, ahead)}"
-    for passage, room in simulation.progress.ahead(ego, simulation.frame, JUNCTION_M):
-        where = "inside junction" if room < 0 else f"{room:.1f} m before junction"
-        near = _nearest(simulation)
-        return f"{stands}, {where} {passage.junction}{f'; nearest to it is {near}' if near else ''}"
+        return f"the ego still drives at {ego.speed * 3.6:.0f} km/h{before}" + (behind and f", {behind}")
+    stands = f"the ego stands since {recorder.stands_since(0, STANDS_MPS):.2f} s{before}"
+    signal = way.stop_signal()
+    if signal is not None and (leader is None or signal[1] <= leader.gap_m):
+        return f"{stands}, before the {signal[2]} signal of {signal[0].junction}"
+    if behind:
+        return f"{stands}, {behind}"
+    for passage, room in way.junctions():
+        if room <= JUNCTION_M:
+            where = "inside junction" if room < 0 else f"{room:.1f} m before junction"
+            near = _nearest(simulation)
+            return f"{stands}, {where} {passage.junction}{f'; nearest to it is {near}' if near else ''}"
     return f"{stands}, and no actor is ahead on its route"
 
 
-def _behind(simulation: Simulation, recorder: Recorder, ahead: _Ahead) -> str:
+def _behind(simulation: Simulation, recorder: Recorder, leader: Leader) -> str:
     """Return a clause that names the actor ahead and says why that actor does not drive on."""
-    actor = ahead.actor
-    name = f"{max(ahead.gap_m, 0.0):.1f} m behind {actor.id} ({actor.placed.model.kind})"
+    actor = simulation.actors[leader.column]
+    name = f"{max(leader.gap_m, 0.0):.1f} m behind {actor.id} ({actor.placed.model.kind})"
     if actor.placed.control == "static":
         return f"{name}, which the scenario parks there"
     if actor.speed >= STANDS_MPS:
         return f"{name}, which moves at {actor.speed * 3.6:.0f} km/h"
-    since_s = recorder.stands_since(simulation.actors.index(actor), STANDS_MPS)
+    since_s = recorder.stands_since(leader.column, STANDS_MPS)
     if isinstance(actor, PathActor) and actor.follower.arrived:
         return (
             f"{name}, which came to the end of its path in the ego's way after {since_s:.2f} s and stays there: "
             "extend its path in the scenario beyond the lane"
         )
     return f"{name}, which stands since {since_s:.2f} s"
-
-
-def _ahead(simulation: Simulation) -> _Ahead | None:
-    """Return the nearest actor in the way along the ego's route."""
-    ego, line = simulation.ego, simulation.ego.placed.line
-    if line is None:
-        return None
-    here_m, aside_m = simulation.progress.of(ego, simulation.frame)
-    candidates = []
-    for other in simulation.others(ego):
-        s, lateral = line.project(other.x, other.y)
-        gap_m = s - here_m - (ego.length + other.length) / 2
-        if s > here_m and gap_m <= AHEAD_M and abs(lateral - aside_m) <= (ego.width + other.width) / 2 + BESIDE_M:
-            candidates.append(_Ahead(gap_m, other))
-    return min(candidates, key=lambda ahead: (ahead.gap_m, ahead.actor.id), default=None)
-
-
-def _signal(simulation: Simulation) -> tuple[float, str, str] | None:
-    """Return the distance (m), colour and junction of the next signal on the route; None if that one is green."""
-    for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, AHEAD_M):
-        tls, link = passage.movement.tls, passage.movement.link
-        if room >= 0 and tls is not None and link >= 0:
-            colour = simulation.world.signals.colour(tls, link)
-            return (room, colour, passage.junction) if colour in ("red", "amber") else None
-    return None
 
 
 def _nearest(simulation: Simulation) -> str:

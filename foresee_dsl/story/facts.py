@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
+from foresee_dsl.simulate.waiting import WayAhead
 
 NEAR_M = 10.0
 """In a run that passed, an actor that stayed farther from the ego than this is not an opponent, m. Ours: the length of
@@ -245,6 +246,15 @@ class Facts:
         stage = self.trace.signal_stages[k][int(self.trace.stages[frame, k])]
         phase = signal.phases[signal.phase_at(stage, float(self.trace.elapsed[frame, k]))[0]]
         return COLOURS.get(phase.state[movement.link], "") if movement.link < len(phase.state) else ""
+
+    def way_ahead(self, frame: int) -> WayAhead:
+        """Return what is ahead of the ego at a frame."""
+        line, at = self.bundle.scene.ego.line, (math.nan, math.nan)
+        if line is not None:
+            at = line.project(*self.xy(0, 0))
+            for k in range(1, frame + 1):  # a route may pass a place twice
+                at = line.project(*self.xy(0, k), at[0])
+        return WayAhead(self.bundle.scene, self.trace.states[frame], *at, partial(self.colour, frame=frame))
 
     def _movement(self, actor: int, lane: str) -> Movement | None:
         """Return the movement of an internal lane; if several movements share the lane, the movement on the actor's

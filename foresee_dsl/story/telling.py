@@ -3,11 +3,8 @@ four more are added to tell equal titles apart."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import assert_never
-
-import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.constants import STANDS_MPS
@@ -18,7 +15,8 @@ from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.infraction import Infraction, Rule
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X, Y
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
+from foresee_dsl.simulate.waiting import AHEAD_M, WayAhead
 from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import EgoMotion, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
@@ -33,12 +31,6 @@ BRIEF_STOP_S = 1.0
 SEEN_SHORTLY_S = 3.0
 """The sentence states how long the ego saw the opponent if that is shorter than this, s. Ours: three times what a
 driver needs."""
-WAITS_FOR_SIGNAL_M = 30.0
-"""A standing ego does not wait for a signal farther ahead than this, m. Ours: four cars and the crossing."""
-IN_FRONT_M = 30.0
-"""A standing ego does not wait for an actor farther ahead than this, m. Ours, as `WAITS_FOR_SIGNAL_M`."""
-_AHEAD_RAD = math.pi / 4
-"""An actor within this angle of straight ahead is in front of the ego, rad. Ours."""
 
 
 def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Story:
@@ -245,47 +237,30 @@ def _written(value: Quantity | str | Expression) -> str:
 
 def _waiting(facts: Facts) -> str:
     """Return, in words, what is ahead of the ego at the end of a run."""
-    return f"{_signal(facts)}, {_in_front(facts)}"
+    way = facts.way_ahead(facts.last)
+    leader = way.leader()
+    if leader is None:
+        return f"{_junction(facts, way)}, with no actor within {AHEAD_M:.0f} m in front of it"
+    gap = metres(max(leader.gap_m, 0.0))
+    return f"{_junction(facts, way)}, with {full_name(facts.info(leader.column))} {gap} in front of it"
 
 
-def _signal(facts: Facts) -> str:
+def _junction(facts: Facts, way: WayAhead) -> str:
     """Return the next junction on the ego's route in words: its distance, its signal's colour, and for how long the
     signal has had that colour.
     """
-    line = facts.bundle.scene.ego.line
-    if line is None:
-        return "no junction is ahead"
-    (x, y), heading, half = facts.xy(0, facts.last), facts.heading(0, facts.last), facts.info(0).front_m
-    here = line.project(x + half * math.cos(heading), y + half * math.sin(heading))[0]
-    for passage in line.passages:
-        room = passage.entry_s - here
-        if passage.exit_s < here or room > WAITS_FOR_SIGNAL_M:
-            continue
-        where = f"{metres(room)} before" if room > 0 else "inside"
-        text = f"{where} the {kind_of(facts.network, passage.junction)} {quoted(passage.junction)}"
-        colour = facts.colour(passage.movement, facts.last)
-        if not colour:
-            return text
-        first = facts.last
-        while first > 0 and facts.colour(passage.movement, first - 1) == colour:
-            first -= 1
-        return f"{text}, whose signal is {colour} for the last {(facts.last - first) * STEP_S:.1f} s"
-    return f"no junction is within {WAITS_FOR_SIGNAL_M:.0f} m"
-
-
-def _in_front(facts: Facts) -> str:
-    """Return the nearest actor in front of the ego, in words."""
-    (x, y), heading = facts.xy(0, facts.last), facts.heading(0, facts.last)
-    states = facts.trace.states[facts.last, 1:]
-    dx, dy = states[:, X] - x, states[:, Y] - y
-    far = np.hypot(dx, dy)
-    off = np.abs(np.remainder(np.arctan2(dy, dx) - heading + math.pi, math.tau) - math.pi)
-    far = np.where((off < _AHEAD_RAD) & ~np.isnan(far), far, np.inf)
-    if not far.size or far.min() > IN_FRONT_M:
-        return f"with no actor within {IN_FRONT_M:.0f} m in front of it"
-    nearest = int(far.argmin())
-    gap = metres(facts.gap_m(nearest + 1, facts.last))
-    return f"with {full_name(facts.info(nearest + 1))} {gap} in front of it"
+    passage, room_m = next(way.junctions(), (None, 0.0))
+    if passage is None:
+        return f"no junction is within {AHEAD_M:.0f} m"
+    where = f"{metres(room_m)} before" if room_m > 0 else "inside"
+    text = f"{where} the {kind_of(facts.network, passage.junction)} {quoted(passage.junction)}"
+    colour = way.colour(passage.movement)
+    if not colour:
+        return text
+    first = facts.last
+    while first > 0 and facts.colour(passage.movement, first - 1) == colour:
+        first -= 1
+    return f"{text}, whose signal is {colour} for the last {(facts.last - first) * STEP_S:.1f} s"
 
 
 _TITLE_WORDS = 8

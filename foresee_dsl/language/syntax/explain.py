@@ -26,10 +26,8 @@ from foresee_dsl.language.syntax.expected import (
     text_of,
     words_of_terminals,
 )
-from foresee_dsl.language.syntax.foreign import foreign
-from foresee_dsl.language.syntax.foreign_words import CODE, OF_ROADS, UNSUPPORTED
 from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, parser
-from foresee_dsl.language.syntax.phrases import phrase
+from foresee_dsl.language.syntax.phrases import CODE, meanings, phrase, unsupported
 from foresee_dsl.language.units import EXAMPLES, UNITS
 
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
@@ -97,8 +95,7 @@ class Refusal:
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, HelpText]:
         short = len(self._text) <= REACH
-        other = phrase(self._text, self._rule, self._reads) if short else None
-        other = other or (foreign(self._text, self._rule, self.start) if short else None)
+        other = phrase(self._text, self._rule, self.start, self._reads) if short else None
         then = _THEN.match(self._text) if self._rule == "action" and len(self._text) <= REACH else None
         if other is None and then is not None and self._reads(then["rest"]):
             self.start, self.end = 0, len(self._text)
@@ -291,9 +288,9 @@ class Refusal:
 
     def _unknown_statement(self, words: Collection[str], excerpt: str) -> tuple[str, str, HelpText]:
         place = PLACES.get(self._rule, "a file")
-        if self._rule in _OF_NETWORKS and (why := next((w for words, w in UNSUPPORTED if self.word in words), "")):
+        if self._rule in _OF_NETWORKS and (why := unsupported(self.word)):
             return "FS271", f"'{excerpt}' is not supported", why
-        ours = OF_ROADS.get(self.word) if self._rule in _OF_NETWORKS else None
+        ours = meanings("road_setting").get(self.word) if self._rule in _OF_NETWORKS else None
         places = homes().get(self.word, ()) if ours is None else ()
         if places and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in places:
             help = "put " + write("add") + " or " + write("change") + f" in front of it: `add {self.word} ...`"

@@ -26,7 +26,7 @@ from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
 YIELDS_WITHIN_M = 30.0
 """An actor that lets another one pass at a place yields to it only if it is at most this far from the place, m. Ours,
-as `simulate.judging.AHEAD_M`."""
+as `simulate.waiting.AHEAD_M`."""
 Truth = Callable[[], bool | None]
 """A function that returns whether a condition holds now; None if it cannot be evaluated."""
 
