@@ -31,7 +31,6 @@ from foresee_dsl.cli.options.campaign_options import (
 from foresee_dsl.cli.options.common import (
     FAILED,
     FailFastOption,
-    JsonOption,
     console,
     json_document,
     selected,
@@ -86,7 +85,6 @@ def campaign(
     ] = None,
     format_: FormatOption = "text",
     junit: JunitOption = None,
-    json: JsonOption = False,
     profile: common.ProfileOption = False,
     help_all: HelpAllOption = False,  # noqa: ARG001 - its callback prints the help
 ) -> None:
@@ -140,7 +138,6 @@ def campaign(
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)
         notes = [*without_goal, *notes_on(store)]
-    form = "json" if json else format_
     spent = (
         None
         if profiler is None
@@ -148,8 +145,8 @@ def campaign(
             profiler.profile, [s.driver for s in request.settings], workers=flags.jobs, not_measured=stored.count
         )
     )
-    _report(results, report, form, junit, raw=raw, profile=spent)
-    screen = console(error=form not in PEOPLE)
+    _report(results, report, format_, junit, raw=raw, profile=spent)
+    screen = console(error=format_ not in PEOPLE)
     _pages([folder for folder, _ in results], flags.out, screen)
     if spent is not None:
         from foresee_dsl.report.terminal.profile import print_profile

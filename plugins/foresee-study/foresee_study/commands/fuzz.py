@@ -22,7 +22,7 @@ from foresee_dsl.cli.options.campaign_options import (
     notes_on,
     shard_of,
 )
-from foresee_dsl.cli.options.common import FAILED, FirstOption, JsonOption, OnlyOption, SeedOption, console, selected
+from foresee_dsl.cli.options.common import FAILED, FirstOption, OnlyOption, SeedOption, console, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.report.formats import PEOPLE, CommandReport
@@ -64,7 +64,6 @@ def fuzz(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     format_: FormatOption = "text",
     junit: JunitOption = None,
-    json: JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Mutate whole test cases, cycle after cycle, until the driver fails (DriveFuzz); risky points are not used.
@@ -112,16 +111,15 @@ def fuzz(
         stack.enter_context(stop.listening())
         result = run_fuzz(cases, settings, out=out, store=kept, listeners=listeners, options=options)
         notes = notes_on(kept)
-    form = "json" if json else format_
     report_results(
-        form,
+        format_,
         CommandReport(
             "fuzz", lambda: as_text(result), lambda: case_results(result, out), properties=[("driver", driver)]
         ),
         people=lambda screen: print_fuzz(screen, result, out),
         junit=junit,
     )
-    screen = console(error=form not in PEOPLE)
+    screen = console(error=format_ not in PEOPLE)
     for note in notes:
         screen.print(note, markup=False)
     if result.interrupted:

@@ -31,14 +31,13 @@ from foresee_dsl.cli.options.campaign_options import (
 from foresee_dsl.cli.options.common import (
     FAILED,
     AllowOutsideOption,
-    JsonOption,
     OnlyOption,
     console,
     json_document,
     names_in,
     selected,
 )
-from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.cli.options.output import RecordFormatOption, report_results
 from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
 from foresee_dsl.report.formats import CommandReport
 
@@ -167,8 +166,7 @@ def study(
     plan: Annotated[bool, typer.Option("--plan", help="Only show how many runs each question needs.")] = False,
     page: Annotated[Path | None, typer.Option(help="Also write the page of results to this file.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
-    format_: Annotated[str, format_option("text: for people; json: for tools.", "text", "json")] = "text",
-    json: JsonOption = False,
+    format_: RecordFormatOption = "text",
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Answer the paper's questions with this tool: run the campaigns, and write tables, figures and a page of results.
@@ -184,11 +182,11 @@ def study(
     from foresee_study.questions import PAPERS, QUESTIONS
     from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
 
-    chosen, form = half_named(half), "json" if json else format_
+    chosen = half_named(half)
     if question == REPORT:
         if len(paths or ()) > 1:
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
-        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, form=form)
+        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, form=format_)
         return
     names = PAPERS if question == ALL else names_in(question)
     if not names or not set(names) <= set(QUESTIONS):
@@ -222,7 +220,7 @@ def study(
     groups |= {town.name: town_cases(town, settings, allow_outside=allow_outside) for town in towns or ()}
     folder = StudyFolder(out)
     if plan:
-        _plan(names, settings, groups, store or folder.store, form=form, jobs=jobs)
+        _plan(names, settings, groups, store or folder.store, form=format_, jobs=jobs)
         return
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_study.statistics.effects import lacks_statsmodels
@@ -246,7 +244,7 @@ def study(
     elif options.shard.number:
         screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
     else:
-        _report(folder, chosen, page, beside, form=form, names=names)
+        _report(folder, chosen, page, beside, form=format_, names=names)
     if ran.broken:
         raise typer.Exit(FAILED)
 
