@@ -8,20 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
-    BudgetOption,
     ExecutorOption,
     Flags,
     HelpAllOption,
-    MemoryOption,
+    LimitFlags,
     Paths,
     Request,
-    RetryOption,
     SchedulerOption,
     executor_of,
-    limits_of,
     notes_on,
     of_other_versions,
     requested,
@@ -58,6 +54,7 @@ def campaign(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
+    *,
     executor: ExecutorOption = "local",
     scheduler: SchedulerOption = "",
     dashboard: Annotated[
@@ -67,11 +64,7 @@ def campaign(
             help="Address at which the Dask web page of a cluster on this machine is shown, such as :8787.",
         ),
     ] = "",
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    memory: MemoryOption = CampaignLimits.memory_mb,
-    budget: BudgetOption = None,
-    retry: RetryOption = False,
+    limits: LimitFlags,
     report: Annotated[
         Path | None,
         typer.Option(help="Also save the report to this file, as the ending of its name says: .svg, .html or .txt."),
@@ -111,14 +104,14 @@ def campaign(
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    request = requested(ctx, paths, flags, budget)
+    request = requested(ctx, paths, flags, limits.budget)
     stop, first_failure = StopSignal(), FirstFailure()
     run_by = executor_of(executor, scheduler, dashboard)
     options = RunOptions(
         jobs=flags.jobs,
-        limits=limits_of(deadline, memory, request.budget_min, step_deadline),
+        limits=limits.within(request.budget_min),
         shard=shard_of(flags.shard),
-        retry=retry,
+        retry=limits.retry,
         executor=run_by if profiler is None else profiler.executor(run_by),
         stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )

@@ -7,20 +7,17 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
     CPUS,
-    BudgetOption,
     Jobs,
-    MemoryOption,
-    RetryOption,
+    LimitFlags,
     ShardOption,
     StoreOption,
-    limits_of,
     notes_on,
     shard_of,
+    with_flags,
 )
 from foresee_dsl.cli.options.common import FAILED, FirstOption, OnlyOption, SeedOption, console, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
@@ -35,8 +32,10 @@ Cases = Annotated[
 ]
 
 
+@with_flags
 def fuzz(
     paths: Cases,
+    *,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("fuzz"),
     cycles: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of cycles per test case.")] = 10,
     mutations: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutations per cycle.")] = 8,
@@ -55,11 +54,7 @@ def fuzz(
     first: FirstOption = None,
     only: OnlyOption = None,
     shard: ShardOption = "",
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    memory: MemoryOption = CampaignLimits.memory_mb,
-    budget: BudgetOption = None,
-    retry: RetryOption = False,
+    limits: LimitFlags,
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     format_: FormatOption = "text",
@@ -93,9 +88,9 @@ def fuzz(
     stop = StopSignal()
     options = RunOptions(
         jobs=jobs,
-        limits=limits_of(deadline, memory, budget, step_deadline),
+        limits=limits.within(limits.budget),
         shard=shard_of(shard),
-        retry=retry,
+        retry=limits.retry,
         stop=stop,
     )
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)

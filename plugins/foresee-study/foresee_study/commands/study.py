@@ -10,23 +10,20 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
     CPUS,
-    BudgetOption,
     ExecutorOption,
     Jobs,
-    MemoryOption,
-    RetryOption,
+    LimitFlags,
     SchedulerOption,
     ShardOption,
     StoreOption,
     executor_of,
-    limits_of,
     notes_on,
     shard_of,
+    with_flags,
 )
 from foresee_dsl.cli.options.common import (
     FAILED,
@@ -59,6 +56,7 @@ ALL = "all"
 REPORT = "report"
 
 
+@with_flags
 def study(
     question: Annotated[
         str,
@@ -72,6 +70,7 @@ def study(
             autocompletion=case_addresses,
         ),
     ] = None,
+    *,
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("out/study"),
     store: StoreOption = None,
     drivers: Annotated[
@@ -158,11 +157,7 @@ def study(
     shard: ShardOption = "",
     executor: ExecutorOption = "local",
     scheduler: SchedulerOption = "",
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    memory: MemoryOption = CampaignLimits.memory_mb,
-    budget: BudgetOption = None,
-    retry: RetryOption = False,
+    limits: LimitFlags,
     plan: Annotated[bool, typer.Option("--plan", help="Only show how many runs each question needs.")] = False,
     page: Annotated[Path | None, typer.Option(help="Also write the page of results to this file.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
@@ -227,9 +222,9 @@ def study(
 
     options = RunOptions(
         jobs=jobs,
-        limits=limits_of(deadline, memory, budget, step_deadline),
+        limits=limits.within(limits.budget),
         shard=shard_of(shard),
-        retry=retry,
+        retry=limits.retry,
         executor=executor_of(executor, scheduler),
     )
     screen = console(error=True)
