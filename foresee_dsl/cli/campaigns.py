@@ -8,20 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
-    BudgetOption,
     ExecutorOption,
     Flags,
     HelpAllOption,
-    MemoryOption,
+    LimitFlags,
     Paths,
     Request,
-    RetryOption,
     SchedulerOption,
     executor_of,
-    limits_of,
     notes_on,
     of_other_versions,
     requested,
@@ -31,7 +27,6 @@ from foresee_dsl.cli.options.campaign_options import (
 from foresee_dsl.cli.options.common import (
     FAILED,
     FailFastOption,
-    JsonOption,
     console,
     json_document,
     selected,
@@ -59,6 +54,7 @@ def campaign(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
+    *,
     executor: ExecutorOption = "local",
     scheduler: SchedulerOption = "",
     dashboard: Annotated[
@@ -68,11 +64,7 @@ def campaign(
             help="Address at which the Dask web page of a cluster on this machine is shown, such as :8787.",
         ),
     ] = "",
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    memory: MemoryOption = CampaignLimits.memory_mb,
-    budget: BudgetOption = None,
-    retry: RetryOption = False,
+    limits: LimitFlags,
     report: Annotated[
         Path | None,
         typer.Option(help="Also save the report to this file, as the ending of its name says: .svg, .html or .txt."),
@@ -86,7 +78,6 @@ def campaign(
     ] = None,
     format_: FormatOption = "text",
     junit: JunitOption = None,
-    json: JsonOption = False,
     profile: common.ProfileOption = False,
     help_all: HelpAllOption = False,  # noqa: ARG001 - its callback prints the help
 ) -> None:
@@ -113,14 +104,14 @@ def campaign(
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    request = requested(ctx, paths, flags, budget)
+    request = requested(ctx, paths, flags, limits.budget)
     stop, first_failure = StopSignal(), FirstFailure()
     run_by = executor_of(executor, scheduler, dashboard)
     options = RunOptions(
         jobs=flags.jobs,
-        limits=limits_of(deadline, memory, request.budget_min, step_deadline),
+        limits=limits.within(request.budget_min),
         shard=shard_of(flags.shard),
-        retry=retry,
+        retry=limits.retry,
         executor=run_by if profiler is None else profiler.executor(run_by),
         stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )
@@ -140,7 +131,6 @@ def campaign(
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)
         notes = [*without_goal, *notes_on(store)]
-    form = "json" if json else format_
     spent = (
         None
         if profiler is None
@@ -148,8 +138,8 @@ def campaign(
             profiler.profile, [s.driver for s in request.settings], workers=flags.jobs, not_measured=stored.count
         )
     )
-    _report(results, report, form, junit, raw=raw, profile=spent)
-    screen = console(error=form not in PEOPLE)
+    _report(results, report, format_, junit, raw=raw, profile=spent)
+    screen = console(error=format_ not in PEOPLE)
     _pages([folder for folder, _ in results], flags.out, screen)
     if spent is not None:
         from foresee_dsl.report.terminal.profile import print_profile

@@ -27,7 +27,6 @@ def conform(
     format_: FormatOption = "text",
     junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,
-    json: common.JsonOption = False,
 ) -> None:
     """Check a driver from outside: determinism, reset, ranges, units, times, what it leaves behind, and ten test cases.
 
@@ -46,7 +45,7 @@ def conform(
     with tasks_progress(common.console(error=True)) as done:
         conformance = examine(driver, seed=seed, jobs=jobs, deadlines=Deadlines(step_deadline), on_task=done)
     report_results(
-        "json" if json else format_,
+        format_,
         CommandReport(
             "conform",
             lambda: common.json_document(conformance),
@@ -84,7 +83,6 @@ def assess(
     format_: FormatOption = "text",
     junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,
-    json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Run test cases with one or several drivers and compare how often they arrive, how they fail, and how they drive.
@@ -104,7 +102,6 @@ def assess(
     for name in names:
         find_driver(name)  # an unknown name is reported before anything runs
     cases = common.selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
-    form = "json" if json else format_
     total = len(cases) * len(names)
     with runs_progress(common.console(error=True), total) as done:
         runs = assess_drivers(
@@ -112,7 +109,7 @@ def assess(
             rules=rules, fail_fast=fail_fast,
         )  # fmt: skip
     report_results(
-        form,
+        format_,
         CommandReport(
             "assess",
             lambda: common.json_document(Assessment(runs, seed)),

@@ -85,7 +85,7 @@ class _Exporters(_Formats):
 
 def _command(run: Format[Any]) -> Callable[..., None]:
     """Return a command that calls a format's function and prints what it wrote; it has the format's options and
-    `--json`.
+    `--json`, to which `for_tools` adds `--format`.
 
     Typer reads a function's signature, so the signature is built from the fields of the options.
     """

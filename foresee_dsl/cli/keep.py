@@ -119,7 +119,6 @@ def verify(
     jobs: Jobs = CPUS,
     format_: FormatOption = "text",
     junit: JunitOption = None,
-    json: JsonOption = False,
 ) -> None:
     """Run test cases again and compare with the expected results: as expected, fixed, came back, changed, stale, new.
 
@@ -141,7 +140,7 @@ def verify(
     rechecks = verify_files(paths, driver=driver, run_programs=run_programs, jobs=jobs, deadlines=deadlines)
     written = write_expected(rechecks) if update else None
     report_results(
-        "json" if json else format_,
+        format_,
         CommandReport(
             "verify",
             lambda: json_document(
@@ -178,7 +177,6 @@ def compare(
     step_deadline: StepDeadlineOption = None,
     deadline: DeadlineOption = None,
     jobs: Jobs = CPUS,
-    json: JsonOption = False,
 ) -> None:
     """Compare two versions of a driver on the same test cases: new failures, fixed, still failing, nearer misses.
 
@@ -213,7 +211,7 @@ def compare(
     from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown
 
     report_results(
-        "json" if json else format_,
+        format_,
         CommandReport(
             "compare", lambda: json_document(comparison), forms={"markdown": lambda: to_markdown(comparison)}
         ),

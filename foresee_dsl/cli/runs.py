@@ -65,7 +65,6 @@ def run(
         bool, typer.Option("--strict", hidden=True, help="No effect: a broken expectation is always a failure.")
     ] = False,
     exit_zero: common.ExitZeroOption = False,
-    json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
     profile: common.ProfileOption = False,
 ) -> None:
@@ -132,7 +131,7 @@ def run(
         )
 
     report_results(
-        "json" if json else format_,
+        format_,
         CommandReport("run", data, lambda: case_results, properties=(("driver", driver), ("seed", str(seed)))),
         people=people,
         junit=junit,
@@ -285,7 +284,6 @@ def mutate(
     format_: FormatOption = "text",
     junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,
-    json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Mutate a clip, run the mutants, and write each one beside the clip with its result.
@@ -311,7 +309,7 @@ def mutate(
         return common.json_document({"clip": file, "preset": preset, "children": mutants})
 
     report_results(
-        "json" if json else format_,
+        format_,
         CommandReport(
             "mutate",
             data,

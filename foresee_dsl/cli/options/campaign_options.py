@@ -50,12 +50,6 @@ SchedulerOption = Annotated[
     str,
     typer.Option("--scheduler", help="Address of the Dask scheduler; by default a cluster is started on this machine."),
 ]
-MemoryOption = Annotated[float, typer.Option("--memory", min=100, help="Memory limit of a worker, in MB.")]
-"""Its default is `CampaignLimits.memory_mb`."""
-BudgetOption = Annotated[
-    float | None, typer.Option("--budget", min=0, help="Time in minutes after which no new run begins.")
-]
-RetryOption = Annotated[bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier campaign.")]
 Paths = Annotated[
     list[str],
     typer.Argument(
@@ -142,10 +136,43 @@ class Flags:
         bool, typer.Option("--run-programs", help="Start the programs that the campaign's file names as drivers.")
     ] = False
 
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Flags:
+        """Return the record of the values of all its options by name."""
+        others = {f.name: values[f.name] for f in fields(cls) if f.name in values}
+        return cls({name: value for name, value in values.items() if name not in others}, **others)
+
     @property
     def store_folder(self) -> Path:
         """The store's folder."""
         return self.store or self.out / "store"
+
+
+@dataclass(frozen=True)
+class LimitFlags:
+    """The options of commands that run campaigns or fuzz about the limits of their runs, in the order of their help."""
+
+    step_deadline: common.StepDeadlineOption = None
+    deadline: common.DeadlineOption = None
+    memory: Annotated[float, typer.Option("--memory", min=100, help="Memory limit of a worker, in MB.")] = (
+        CampaignLimits.memory_mb
+    )
+    budget: Annotated[
+        float | None, typer.Option("--budget", min=0, help="Time in minutes after which no new run begins.")
+    ] = None
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat runs that crashed or hung in an earlier campaign.")] = (
+        False
+    )
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> LimitFlags:
+        """Return the record of the values of all its options by name."""
+        return cls(**values)
+
+    def within(self, budget_min: float | None) -> CampaignLimits:
+        """Return the limits, with a time budget in minutes, or None."""
+        budget_s = None if budget_min is None else budget_min * 60
+        return CampaignLimits(self.deadline, self.memory, budget_s, self.step_deadline)
 
 
 USUAL = ("driver", "children", "jobs", "out", "fail_fast", "json", "format", "help_all")
@@ -178,32 +205,44 @@ def _hidden(option: inspect.Parameter) -> inspect.Parameter:
 
 
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command in which typer options, one for each setting and each field of `Flags`, replace the parameter
-    `flags`.
+    """Return a command in which typer options replace each parameter of the type `Flags` or `LimitFlags`: one for each
+    setting and each field.
 
-    Typer reads a function's signature, so the new command carries a signature of its own. Its help shows the usual
-    options.
+    Typer reads a function's signature, so the new command carries a signature of its own. If it has `--help-all`, its
+    help shows only the usual options.
     """
     own = inspect.signature(command, eval_str=True).parameters
-    kinds = get_type_hints(Flags, include_extras=True)
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    settings = options_of_settings()
-    others = [inspect.Parameter(f.name, keyword, annotation=kinds[f.name], default=f.default)
-              for f in fields(Flags) if f.name != "settings"]  # fmt: skip
-    first = [option for name, option in settings.items() if name != _AFTER_JOBS]
-    shared = [*first, others[0], settings[_AFTER_JOBS], *others[1:]]
+    groups = {
+        name: (parameter.annotation, _options_in(parameter.annotation))
+        for name, parameter in own.items()
+        if parameter.annotation in (Flags, LimitFlags)
+    }
 
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
-        of_settings = {name: values.pop(name) for name in settings}
-        flags = Flags(of_settings, **{option.name: values.pop(option.name) for option in others})
-        command(**values, flags=flags)
+        for name, (kind, options) in groups.items():
+            values[name] = kind.of({option.name: values.pop(option.name) for option in options})
+        command(**values)
 
     update_wrapper(run, command)
-    every = [option for name in own for option in (shared if name == "flags" else [own[name]])]
-    every = [_hidden(option.replace(kind=keyword)) for option in every]
+    every = [option for name in own for option in (groups[name][1] if name in groups else [own[name]])]
+    every = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in every]
+    if "help_all" in own:
+        every = [_hidden(option) for option in every]
     run.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]  # functions may have one
     run.__annotations__ = {option.name: option.annotation for option in every}
     return run
+
+
+def _options_in(kind: type[Flags | LimitFlags]) -> list[inspect.Parameter]:
+    """Return the options of a record of options, in the order of the help."""
+    kinds, keyword = get_type_hints(kind, include_extras=True), inspect.Parameter.KEYWORD_ONLY
+    others = [inspect.Parameter(f.name, keyword, annotation=kinds[f.name], default=f.default)
+              for f in fields(kind) if f.name != "settings"]  # fmt: skip
+    if kind is LimitFlags:
+        return others
+    settings = options_of_settings()
+    first = [option for name, option in settings.items() if name != _AFTER_JOBS]
+    return [*first, others[0], settings[_AFTER_JOBS], *others[1:]]
 
 
 @dataclass(frozen=True)
@@ -337,13 +376,6 @@ def _make_once(driver: str) -> Driver:
 
         lines = "\n".join(safe(line, 10_000) for line in traceback_of(err.__cause__).splitlines())
         raise DriverError(f"{safe(err, 10_000)}\n{lines}".rstrip()) from err
-
-
-def limits_of(
-    deadline_s: float | None, memory_mb: float, budget_min: float | None, step_deadline_s: float | None
-) -> CampaignLimits:
-    """Return the limits that `--deadline`, `--memory`, `--budget` (minutes) and `--step-deadline` set."""
-    return CampaignLimits(deadline_s, memory_mb, None if budget_min is None else budget_min * 60, step_deadline_s)
 
 
 def shard_of(text: str) -> Shard:

@@ -18,6 +18,7 @@ from typer.core import TyperCommand
 from foresee_dsl.cli.completion import drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 from foresee_dsl.language.campaign_values import SEED, RulesMode
+from foresee_dsl.report.formats import PEOPLE, CommandReport, rendered
 from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
@@ -183,10 +184,11 @@ def console(*, error: bool = False) -> Console:
 
 @dataclass(frozen=True)
 class Call:
-    """The running command: its name, and the file of its `--output`."""
+    """The running command: its name, the file of its `--output`, and the format of its report."""
 
     command: str
     output: Path | None = None
+    form: str = PEOPLE[0]
 
 
 CALL: ContextVar[Call] = ContextVar("CALL", default=Call(""))  # noqa: B039 - it is immutable
@@ -207,8 +209,11 @@ SCHEMA_NUMBERS = {"verify": 2}
 
 
 def print_json(data: object, name: str = "") -> None:
-    """Print one JSON document, or write it to the file of `--output`."""
-    give(json_document(data, name))
+    """Print one JSON document, or write it to the file of `--output`; with `--format` of another package, what that
+    format makes of it."""
+    call, document = CALL.get(), json_document(data, name)
+    form = "json" if call.form in PEOPLE else call.form
+    give(rendered(form, CommandReport(call.command, lambda: document)))
 
 
 def json_document(data: object, name: str = "") -> str:

@@ -1,7 +1,7 @@
 """Output for other tools: named JSON documents, reports for build servers, errors as data, and `--output FILE`.
 
-Every command that prints JSON passes through `for_tools`, which adds `--output FILE`, puts the document's name beside
-its schema number, and prints an error in the input as a JSON document too.
+Every command that reports passes through `for_tools`, which completes `--format`, `--json` and `--output FILE`, puts
+the document's name beside its schema number, and prints an error in the input as a JSON document too.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
+from typer.models import OptionInfo
 
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.plain_output import PlainStream
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console
+
+
+class _FormatInfo(OptionInfo):
+    """The option `--format` of a report, which `for_tools` tells apart from an exporter's option of this name."""
 
 
 def format_option(help: str, *ours: str) -> Any:  # noqa: ANN401 - typer's own type
@@ -42,8 +47,14 @@ def format_option(help: str, *ours: str) -> Any:  # noqa: ANN401 - typer's own t
     def completed() -> list[str]:
         return [*ours, *others()]
 
-    metavar = f"<{'|'.join(ours)}>"
-    return typer.Option("--format", help=help, metavar=metavar, callback=checked, autocompletion=completed)
+    return _FormatInfo(
+        default=...,  # as typer.Option has it: the default is that of the parameter
+        param_decls=("--format",),
+        help=help,
+        metavar=f"<{'|'.join(ours)}>",
+        callback=checked,
+        autocompletion=completed,
+    )
 
 
 FormatOption = Annotated[
@@ -57,6 +68,8 @@ ComparisonFormatOption = Annotated[
     str,
     format_option("text: for a terminal; markdown: for a pull request; json: for tools.", "text", "markdown", "json"),
 ]
+RecordFormatOption = Annotated[str, format_option("text: for people; json: for tools.", "text", "json")]
+"""For a command without results of test cases; a command with `json: JsonOption` gets it by itself."""
 JunitOption = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write JUnit XML to this file.")]
 _OutputOption = Annotated[
     Path | None,
@@ -69,37 +82,66 @@ _OutputOption = Annotated[
 
 
 def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """Return a command with the option `--output`, which also reports errors as JSON if JSON was requested. A command
-    without output for tools is returned unchanged.
+    """Return a command with the options `--format`, `--json` (the same as `--format json`) and `--output`, which also
+    reports errors as JSON if JSON was requested. A command without output for tools is returned unchanged.
 
-    Typer reads a function's signature, so the option is added to the signature.
+    A command declares one of two parameters, and gets the option of the other one beside it:
+
+    - `format_: FormatOption`, or another `format_option`: the requested format;
+    - `json: JsonOption`: whether data are requested, which `print_json` then prints in that format. A command with a
+      `--format` of its own, such as an exporter's, keeps it and has `--json` alone.
+
+    Typer reads a function's signature, so the options are added to the signature.
     """
     parameters = dict(inspect.signature(command, eval_str=True).parameters)
-    forms = [option for option in ("json", "format", "format_") if option in parameters]
-    if not forms:
+    own = next((name for name, parameter in parameters.items() if isinstance(_info(parameter), _FormatInfo)), "")
+    if not own and "json" not in parameters:
         return command
+    option_name = own or ("" if any(map(_takes_format, parameters.values())) else "format")
 
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
-        output = values.pop("output", None)
-        as_json = any(values[form] is True or values[form] == "json" for form in forms)
-        people = not as_json and all(values[form] in (False, *PEOPLE) for form in forms)
-        with common.calling(common.Call(name, output)), _into(output if people else None):
+        output, json, form = values.pop("output", None), values.pop("json"), values.pop(option_name, "text")
+        form = "json" if json else form
+        declared = {own: form, "json": json if own else form not in PEOPLE}
+        values |= {option: value for option, value in declared.items() if option in parameters}
+        with common.calling(common.Call(name, output, form)), _into(output if form in PEOPLE else None):
             try:
                 command(**values)
             except (ForeseeError, OSError) as error:
-                if not as_json:
+                if form != "json":
                     raise
                 common.print_json(_error_document(error), "error")
                 raise typer.Exit(common.FAILED) from error
 
-    option = inspect.Parameter("output", inspect.Parameter.KEYWORD_ONLY, annotation=_OutputOption, default=None)
-    every = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters.values()]
+    options = list(parameters.values())
+    if not own and option_name:
+        options.insert(list(parameters).index("json"), _parameter(option_name, RecordFormatOption, "text"))
+    if "json" not in parameters:
+        before = "junit" if "junit" in parameters else own
+        options.insert(list(parameters).index(before) + 1, _parameter("json", common.JsonOption, False))
     if "output" not in parameters:
-        every.append(option)
+        options.append(_parameter("output", _OutputOption, None))
+    options = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options]
     update_wrapper(run, command)
-    run.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]  # functions may have one
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in every}
+    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]  # functions may have one
+    run.__annotations__ = {option.name: option.annotation for option in options}
     return run
+
+
+def _parameter(name: str, kind: Any, default: object) -> inspect.Parameter:  # noqa: ANN401 - a type with its option
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
+
+
+def _info(parameter: inspect.Parameter) -> OptionInfo | None:
+    """Return the declaration of an option; None for a parameter without one."""
+    declared = (*getattr(parameter.annotation, "__metadata__", ()), parameter.default)
+    return next((info for info in declared if isinstance(info, OptionInfo)), None)
+
+
+def _takes_format(parameter: inspect.Parameter) -> bool:
+    """Return whether a command uses the name `format` or the flag `--format` for something else."""
+    info = _info(parameter)
+    return parameter.name == "format" or (info is not None and "--format" in (info.default, *(info.param_decls or ())))
 
 
 @contextmanager

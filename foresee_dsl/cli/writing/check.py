@@ -49,7 +49,6 @@ def check(
             "sarif",
         ),
     ] = "full",
-    json: JsonOption = False,
     places: Annotated[
         bool, typer.Option("--places/--no-places", help="Also build the network and check the place of every actor.")
     ] = True,
@@ -94,7 +93,7 @@ def check(
         if d.severity == "error" or (d.code.startswith(wanted or "") and not d.code.startswith(unwanted))
     ]
     failed = any(strict or d.severity == "error" for d in selected)
-    _print("json" if json else format_, result, selected, failed=failed)
+    _print(format_, result, selected, failed=failed)
     if failed:
         raise typer.Exit(FAILED)
 

@@ -31,7 +31,6 @@ def diff(
         typer.Argument(metavar="NEW", help="The new file, or FILE::CASE; without it, OLD is compared with its parent."),
     ] = "",
     format: ComparisonFormatOption = "text",
-    json: JsonOption = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit with 1 if they differ, as git diff does.")
     ] = False,
@@ -53,7 +52,7 @@ def diff(
         return render_markdown(differences.changes, differences.texts, old=differences.old, new=differences.new)
 
     report_results(
-        "json" if json else format,
+        format,
         CommandReport("diff", lambda: json_document(differences), forms={"markdown": markdown}),
         people=lambda _: typer.echo(render_groups(differences.changes, differences.texts, colour=_colour()), nl=False),
     )

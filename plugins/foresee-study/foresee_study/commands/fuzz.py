@@ -7,22 +7,19 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
     CPUS,
-    BudgetOption,
     Jobs,
-    MemoryOption,
-    RetryOption,
+    LimitFlags,
     ShardOption,
     StoreOption,
-    limits_of,
     notes_on,
     shard_of,
+    with_flags,
 )
-from foresee_dsl.cli.options.common import FAILED, FirstOption, JsonOption, OnlyOption, SeedOption, console, selected
+from foresee_dsl.cli.options.common import FAILED, FirstOption, OnlyOption, SeedOption, console, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.report.formats import PEOPLE, CommandReport
@@ -35,8 +32,10 @@ Cases = Annotated[
 ]
 
 
+@with_flags
 def fuzz(
     paths: Cases,
+    *,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("fuzz"),
     cycles: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of cycles per test case.")] = 10,
     mutations: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutations per cycle.")] = 8,
@@ -55,16 +54,11 @@ def fuzz(
     first: FirstOption = None,
     only: OnlyOption = None,
     shard: ShardOption = "",
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    memory: MemoryOption = CampaignLimits.memory_mb,
-    budget: BudgetOption = None,
-    retry: RetryOption = False,
+    limits: LimitFlags,
     exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     format_: FormatOption = "text",
     junit: JunitOption = None,
-    json: JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Mutate whole test cases, cycle after cycle, until the driver fails (DriveFuzz); risky points are not used.
@@ -94,9 +88,9 @@ def fuzz(
     stop = StopSignal()
     options = RunOptions(
         jobs=jobs,
-        limits=limits_of(deadline, memory, budget, step_deadline),
+        limits=limits.within(limits.budget),
         shard=shard_of(shard),
-        retry=retry,
+        retry=limits.retry,
         stop=stop,
     )
     cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
@@ -112,16 +106,15 @@ def fuzz(
         stack.enter_context(stop.listening())
         result = run_fuzz(cases, settings, out=out, store=kept, listeners=listeners, options=options)
         notes = notes_on(kept)
-    form = "json" if json else format_
     report_results(
-        form,
+        format_,
         CommandReport(
             "fuzz", lambda: as_text(result), lambda: case_results(result, out), properties=[("driver", driver)]
         ),
         people=lambda screen: print_fuzz(screen, result, out),
         junit=junit,
     )
-    screen = console(error=form not in PEOPLE)
+    screen = console(error=format_ not in PEOPLE)
     for note in notes:
         screen.print(note, markup=False)
     if result.interrupted:

@@ -10,35 +10,31 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
     CPUS,
-    BudgetOption,
     ExecutorOption,
     Jobs,
-    MemoryOption,
-    RetryOption,
+    LimitFlags,
     SchedulerOption,
     ShardOption,
     StoreOption,
     executor_of,
-    limits_of,
     notes_on,
     shard_of,
+    with_flags,
 )
 from foresee_dsl.cli.options.common import (
     FAILED,
     AllowOutsideOption,
-    JsonOption,
     OnlyOption,
     console,
     json_document,
     names_in,
     selected,
 )
-from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.cli.options.output import RecordFormatOption, report_results
 from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
 from foresee_dsl.report.formats import CommandReport
 
@@ -60,6 +56,7 @@ ALL = "all"
 REPORT = "report"
 
 
+@with_flags
 def study(
     question: Annotated[
         str,
@@ -73,6 +70,7 @@ def study(
             autocompletion=case_addresses,
         ),
     ] = None,
+    *,
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("out/study"),
     store: StoreOption = None,
     drivers: Annotated[
@@ -159,16 +157,11 @@ def study(
     shard: ShardOption = "",
     executor: ExecutorOption = "local",
     scheduler: SchedulerOption = "",
-    step_deadline: common.StepDeadlineOption = None,
-    deadline: common.DeadlineOption = None,
-    memory: MemoryOption = CampaignLimits.memory_mb,
-    budget: BudgetOption = None,
-    retry: RetryOption = False,
+    limits: LimitFlags,
     plan: Annotated[bool, typer.Option("--plan", help="Only show how many runs each question needs.")] = False,
     page: Annotated[Path | None, typer.Option(help="Also write the page of results to this file.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
-    format_: Annotated[str, format_option("text: for people; json: for tools.", "text", "json")] = "text",
-    json: JsonOption = False,
+    format_: RecordFormatOption = "text",
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Answer the paper's questions with this tool: run the campaigns, and write tables, figures and a page of results.
@@ -184,11 +177,11 @@ def study(
     from foresee_study.questions import PAPERS, QUESTIONS
     from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
 
-    chosen, form = half_named(half), "json" if json else format_
+    chosen = half_named(half)
     if question == REPORT:
         if len(paths or ()) > 1:
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
-        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, form=form)
+        _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, beside, form=format_)
         return
     names = PAPERS if question == ALL else names_in(question)
     if not names or not set(names) <= set(QUESTIONS):
@@ -222,16 +215,16 @@ def study(
     groups |= {town.name: town_cases(town, settings, allow_outside=allow_outside) for town in towns or ()}
     folder = StudyFolder(out)
     if plan:
-        _plan(names, settings, groups, store or folder.store, form=form, jobs=jobs)
+        _plan(names, settings, groups, store or folder.store, form=format_, jobs=jobs)
         return
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_study.statistics.effects import lacks_statsmodels
 
     options = RunOptions(
         jobs=jobs,
-        limits=limits_of(deadline, memory, budget, step_deadline),
+        limits=limits.within(limits.budget),
         shard=shard_of(shard),
-        retry=retry,
+        retry=limits.retry,
         executor=executor_of(executor, scheduler),
     )
     screen = console(error=True)
@@ -246,7 +239,7 @@ def study(
     elif options.shard.number:
         screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
     else:
-        _report(folder, chosen, page, beside, form=form, names=names)
+        _report(folder, chosen, page, beside, form=format_, names=names)
     if ran.broken:
         raise typer.Exit(FAILED)
 
