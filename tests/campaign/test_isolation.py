@@ -15,6 +15,7 @@ import pytest
 
 from tests.support.command import program
 from tests.support.plug_in import install, scenario
+from tests.support.small_campaign import SMALL
 
 FORESEE = Path(sys.executable).parent / "foresee"
 
@@ -25,7 +26,7 @@ def environment(plug_in: Path) -> dict[str, str]:
 
 def run(plug_in: Path, *arguments: object, expect: int = 0) -> dict[str, Any]:
     done = subprocess.run(
-        [program(), "campaign", *map(str, arguments), "--driver", "breaker", "--json"],
+        [program(), "campaign", *map(str, arguments), *SMALL, "--driver", "breaker", "--json"],
         capture_output=True,
         text=True,
         check=False,
@@ -114,7 +115,7 @@ def test_a_killed_campaign_leaves_no_process_not_even_one_that_hangs_in_c(tmp_pa
     plug_in = install(tmp_path)
     out, log = tmp_path / "out", tmp_path / "log.jsonl"
     process = subprocess.Popen(
-        [FORESEE, "campaign", scenario(tmp_path, 80, 86, 87), "--driver", "breaker", "--out", out, "--jobs", "2",
+        [FORESEE, "campaign", scenario(tmp_path, 80, 86, 87), *SMALL, "--driver", "breaker", "--out", out, "--jobs", "2",
          "--log-json", log, "--quiet"],
         env=environment(plug_in),
         stdout=subprocess.DEVNULL,

@@ -89,7 +89,10 @@ DeadlineOption = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
 PresetOption = Annotated[
-    str, typer.Option("--preset", help="How clips are mutated: avoidable, focused, lawful, or paper (exactly as in the paper).")
+    str,
+    typer.Option(
+        "--preset", help="How clips are mutated: avoidable, focused, lawful, or paper (exactly as in the paper)."
+    ),
 ]
 FirstOption = Annotated[int | None, typer.Option("--first", min=1, help="Use only the first N test cases.")]
 OnlyOption = Annotated[
