@@ -115,8 +115,8 @@ def test_a_killed_campaign_leaves_no_process_not_even_one_that_hangs_in_c(tmp_pa
     plug_in = install(tmp_path)
     out, log = tmp_path / "out", tmp_path / "log.jsonl"
     process = subprocess.Popen(
-        [FORESEE, "campaign", scenario(tmp_path, 80, 86, 87), *SMALL, "--driver", "breaker", "--out", out, "--jobs", "2",
-         "--log-json", log, "--quiet"],
+        [FORESEE, "campaign", scenario(tmp_path, 80, 86, 87), *SMALL, "--driver", "breaker", "--out", out, "--jobs",
+         "2", "--log-json", log, "--quiet"],
         env=environment(plug_in),
         stdout=subprocess.DEVNULL,
     )  # fmt: skip

@@ -81,9 +81,8 @@ def test_a_campaign_with_each_of_them(bad: tuple[Foresee, Path], tmp_path: Path)
     foresee, file = bad
     study, out = tmp_path / "study.foresee", tmp_path / "out"
     names = ", ".join(f'"bad:{how}"' for how in REASONS)
-    study.write_text(
-        f'foresee 1\n\ncampaign study {{\n  seeds "{file}::w60"\n  drivers [{names}]\n  rankers [foresee]\n  preset focused\n}}\n'
-    )
+    searched = f'seeds "{file}::w60"\n  drivers [{names}]\n  rankers [foresee]\n  preset focused'
+    study.write_text(f"foresee 1\n\ncampaign study {{\n  {searched}\n}}\n")
     options = ("--out", out, "--step-deadline", 1, "--jobs", 2, "--allow-outside", "--quiet", "--run-programs")
     text = " ".join(foresee("campaign", study, *options, code=1).stdout.split())
     for how, (verdict, reason) in REASONS.items():

@@ -90,9 +90,7 @@ DeadlineOption = Annotated[
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
 PresetOption = Annotated[
     str,
-    typer.Option(
-        "--preset", help="How clips are mutated: avoidable, focused, lawful, or paper (exactly as in the paper)."
-    ),
+    typer.Option("--preset", help="How clips are mutated: avoidable, focused, lawful, or paper (as the paper says)."),
 ]
 FirstOption = Annotated[int | None, typer.Option("--first", min=1, help="Use only the first N test cases.")]
 OnlyOption = Annotated[

@@ -60,7 +60,8 @@ def main() -> None:
     cases = chosen_cases(options.half)[:: options.every]
     results = {
         name: _campaign(cases, CampaignSettings(
-            driver=options.driver, ranker=name, preset="focused", risky_points=options.risky_points, children=options.children,
+            driver=options.driver, ranker=name, preset="focused", risky_points=options.risky_points,
+            children=options.children,
         ), options.out, options.jobs)
         for name in options.rankers
     }  # fmt: skip
