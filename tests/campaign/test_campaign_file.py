@@ -130,7 +130,7 @@ def test_it_runs_and_the_command_line_goes_before_it(project: Path, tmp_path: Pa
         "--exit-zero",
     )
     folders = sorted(p.parent.name for p in (tmp_path / "two").glob("*/campaign.json"))
-    assert folders == ["idm_foresee", "pdm_foresee"]
+    assert folders == ["idm_reach", "pdm_reach"]
 
 
 def test_it_stands_alone(project: Path) -> None:
