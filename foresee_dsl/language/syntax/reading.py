@@ -23,10 +23,9 @@ from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import Refusal
-from foresee_dsl.language.syntax.foreign_comments import without_comments
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH
-from foresee_dsl.language.syntax.phrases import CODE, block_of
+from foresee_dsl.language.syntax.phrases import CODE, block_of, without_comments
 from foresee_dsl.language.syntax.scan import MOST, CutText, Raw, scan
 
 _Tree = Tree[Token]
