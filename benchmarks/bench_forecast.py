@@ -20,8 +20,8 @@ from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.foresee import close_encounters
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.simulate.world import World
 

@@ -16,8 +16,8 @@ import foresee_dsl
 from benchmarks.figures import Figure, costs, cpu_of, interleaved, run_program
 from benchmarks.texts import scenario
 from foresee_dsl.files import data_folder
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.language.project.checked_files import check_paths
 
 ROUNDS = 15
 """Number of rounds. Ours: the median of nine varied by less than 10 % on a busy machine of two cores; the fastest of

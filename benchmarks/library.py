@@ -10,7 +10,7 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import load_ranker
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.runner import run

@@ -25,7 +25,7 @@ from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.consent import allowing
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.notebooks import show_as
 from foresee_dsl.report.notebook import Finding, html_of_case, html_of_run, read_findings

@@ -31,11 +31,11 @@ from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Campaign, Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
 from foresee_dsl.language.model.campaign import Seeds
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.language.project.loading import load_catalogue, load_test_case, load_test_cases
 from foresee_dsl.language.units import UNITS

@@ -11,7 +11,7 @@ from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import X, Y

@@ -18,7 +18,7 @@ from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace

@@ -18,9 +18,9 @@ from foresee_dsl.files import absolute
 from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.campaign_values import RulesMode
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import SUFFIX, is_inside, kind_of, parse_address, project_folder
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
 
 NOBODY = "none"

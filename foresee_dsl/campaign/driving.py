@@ -31,9 +31,9 @@ from foresee_dsl.drivers.protocol import (
 from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import End, Quantity
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model import Expect
-from foresee_dsl.language.project.document import TestCase
 
 
 @dataclass(frozen=True)

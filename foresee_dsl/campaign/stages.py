@@ -29,7 +29,7 @@ from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import AnyStep, ClipPart, KeyInputs, Step, StepNode, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 

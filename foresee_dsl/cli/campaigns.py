@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.profiling.profile import Profile
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.campaign.storage.store import Store
-    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.language.document import TestCase
     from foresee_dsl.report.terminal.live import JsonLog
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from foresee_dsl.compile.bundle import SumoBundle
-    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.language.document import TestCase
 
 __all__ = ["compile_test_case", "placement_lints", "placement_mistakes", "with_placements"]
 

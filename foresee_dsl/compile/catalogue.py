@@ -10,9 +10,9 @@ from typing import cast
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.model import AnyValue, Quantity, VehicleModel
+from foresee_dsl.language.model import SUM_SLACK_M, AnyValue, Quantity, VehicleModel
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.catalogues import SUM_SLACK_M, cruise_speed_mps
+from foresee_dsl.language.project.catalogues import cruise_speed_mps
 
 _KMH = 1 / 3.6
 

@@ -19,8 +19,8 @@ from foresee_dsl.errors import CompileError, Diagnostic, InputError
 from foresee_dsl.files import cache_folder, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import diagnostic_of
+from foresee_dsl.language.document import Document, PlacementError, Problem, TestCase
 from foresee_dsl.language.model import Network
-from foresee_dsl.language.project.document import Document, PlacementError, Problem, TestCase
 from foresee_dsl.language.traversal import walk
 
 _CORRECT = "keep routes away from there, or correct the map"

@@ -23,9 +23,9 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Ego, Mutant, Origin, Quantity, Recorded, Weather
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import Trace
 

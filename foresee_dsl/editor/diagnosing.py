@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.checked_files import check_paths
 
 _NO_CODE = "FS001"
 

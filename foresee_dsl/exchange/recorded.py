@@ -10,7 +10,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.exchange.protocol import Tell
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult
 

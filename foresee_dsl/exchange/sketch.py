@@ -190,8 +190,8 @@ def checked_text(network: m.Network, path: str) -> str:
     """Return the text of a sketch's network after a check and a build; `InputError` with what cannot be built."""
     from foresee_dsl.compile.nets.network_builder import build_network
     from foresee_dsl.language.checks.documents import check_document
+    from foresee_dsl.language.document import Document
     from foresee_dsl.language.printer import print_model
-    from foresee_dsl.language.project.document import Document
 
     text = print_model(network)
     diagnostics = check_document(Document(path, text, network, {}))

@@ -12,8 +12,8 @@ import numpy as np
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.kernels.conditions import time_to_touch
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Comparison, Condition, Expect, Measure, Named, Not, Quantity, Within
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import word_of
 from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
 

@@ -13,7 +13,7 @@ from foresee_dsl.files import read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 
 VERSION = 1
 """Version of the hash. It is raised when the meaning of the language itself changes, so that all old pins become

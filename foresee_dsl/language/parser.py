@@ -16,8 +16,8 @@ from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.files import NotOrdinaryError, open_outside
 from foresee_dsl.helps import HelpText, meant_code, meant_word, write
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.model import Catalogue, Definition, Extension, Network
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.node import Node

@@ -11,12 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import END, HEADER, Comments, Key
 from foresee_dsl.language.model.pattern import Form, Parts, Slot, form_of, read_pattern, slots_of
 from foresee_dsl.language.model.values import NAME_PATTERN
-from foresee_dsl.language.project.document import Comments
-from foresee_dsl.language.syntax.comments import END, HEADER
-from foresee_dsl.language.syntax.node import Key
-from foresee_dsl.language.syntax.nodes import ANY_NAME
 
 _NAME = re.compile(NAME_PATTERN)
 _DOTTED = re.compile(rf"{NAME_PATTERN}\.{NAME_PATTERN}")
@@ -69,7 +66,7 @@ class _Writer:
         self._comments = comments
         body = model.body if isinstance(model, m.Scenario) else ()
         named = frozenset(item.name for item in body if isinstance(item, m.Param))
-        self._parameters = ANY_NAME if isinstance(model, m.Extension) else named
+        self._parameters = m.ANY_NAME if isinstance(model, m.Extension) else named
 
     def file(self, model: m.Definition) -> str:
         around = self._around(HEADER)

@@ -20,9 +20,9 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, plain, references
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import UNITS
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from foresee_dsl.campaign.written import campaign_folders
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import templates
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.drawing.palette import BAD, GOOD
 from foresee_dsl.report.drawing.svg import svg_of

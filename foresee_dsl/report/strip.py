@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.report.drawing import svg
 from foresee_dsl.report.drawing.sheet import (
     PAD,

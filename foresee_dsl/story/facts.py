@@ -17,8 +17,8 @@ from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.infraction import Infraction, infractions_in
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of

@@ -8,8 +8,8 @@ from typing import assert_never
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change, Expression, Quantity
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.infraction import Infraction, Rule

@@ -22,7 +22,7 @@ from foresee_dsl.campaign.records import ChildOutcome, decode, encode
 from foresee_dsl.campaign.steps.explanations import explained
 from foresee_dsl.campaign.written import read_campaign_folder
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.builds.case_results import _details
 from foresee_dsl.report.page.html import write_report

@@ -12,10 +12,10 @@ from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.clipping.fidelity import WITHIN_M, ClipDeviation
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Actor, Clip, EdgeRoute, Ego, MeetsState, When
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import Trace
 

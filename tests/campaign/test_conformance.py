@@ -31,7 +31,7 @@ from foresee_dsl.drivers.consent import allowing
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.drivers.parts import with_ideal
 from foresee_dsl.files import data_folder
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.report.builds.case_results import of_conformance
 from foresee_dsl.report.formats import CommandReport, rendered
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict

@@ -27,9 +27,9 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.margin import MarginRanker
 from foresee_dsl.forecast.pair_goal import PairGoal
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.goal import GoalMargin, GoalSeries
 from foresee_dsl.simulate.results.verdict import Verdict

@@ -26,7 +26,7 @@ from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.language.project.checked_files import check_paths
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.page.html import write_report
 from foresee_dsl.report.page.markdown import write_markdown

@@ -20,10 +20,10 @@ from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.derive.reach.rolling import ReachSettings
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import Mutations
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Clip, Quantity, Window
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.trace import STEP_S, Trace

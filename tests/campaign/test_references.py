@@ -19,9 +19,9 @@ from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, X, Y

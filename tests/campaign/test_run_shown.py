@@ -10,8 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from foresee_dsl.campaign.execution.runs import CaseRun
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Scenario
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.terminal.runs import print_case_run
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from tests.support.handmade_traces import EAST, make_trace, straight

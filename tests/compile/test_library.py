@@ -10,8 +10,8 @@ import shapely
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.files import data_folder
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Doc, End, Quantity
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 
 FAMILIES = {"3": 16, "4": 46, "7": 19, "8": 19, "9": 20}

@@ -15,8 +15,8 @@ from foresee_dsl.compile.placement.spots import PlacedBefore
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import load_test_case
 from tests.support.small_street import STREET

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile import placement_lints
-from foresee_dsl.language.project.checked_files import check_paths
+from foresee_dsl.language.checked_files import check_paths
 
 TEXT = """foresee 1
 

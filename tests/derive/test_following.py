@@ -11,10 +11,10 @@ from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Clip, Point, Starts, Wait, When, Within
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.simulate.trace import Trace

@@ -18,11 +18,11 @@ from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation, with_
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Clip, Ego, Recorded
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expanded_model
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, limits_of

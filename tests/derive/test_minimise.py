@@ -17,10 +17,10 @@ from foresee_dsl.derive.minimise.minimise import CannotMinimiseError, Minimal, d
 from foresee_dsl.derive.minimise.outcome import Boundary, Ended, ValueTrial
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult

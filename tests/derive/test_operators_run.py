@@ -15,11 +15,11 @@ from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.presets import FOCUSED
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Actor, Change, Clip, IgnoresRule, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run

@@ -14,7 +14,7 @@ from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run

@@ -25,11 +25,11 @@ from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace, X, Y

@@ -21,10 +21,10 @@ from pathlib import Path
 
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.messages import diagnostics as rendering
 from foresee_dsl.language.parser import decode, format_text, parse
-from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.builds.github import render_github
 from foresee_dsl.report.builds.sarif import to_sarif

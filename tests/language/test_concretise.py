@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from foresee_dsl.errors import InputError, Span
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.model import (
     Actor,
     Assignment,
@@ -22,7 +23,6 @@ from foresee_dsl.language.model import (
     When,
 )
 from foresee_dsl.language.project.concretise import cases, concretise
-from foresee_dsl.language.project.document import Document
 from tests.support.meaning_examples import SCENARIO
 from tests.support.worlds import q
 

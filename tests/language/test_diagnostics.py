@@ -13,11 +13,11 @@ import pytest
 from foresee_dsl.compile import with_placements
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.messages.diagnostics import render_all, render_concise, render_full
 from foresee_dsl.language.parser import load, parse
-from foresee_dsl.language.project.checked_files import check_paths
 from tests.support.examples_at_work import pin_by_hand
 from tests.support.goldens import Golden
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import InputError, Span
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.model import (
     Actor,
@@ -34,7 +35,6 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.concretise import concretise
-from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant, expanded_model, expanded_text
 from tests.support.meaning_examples import (
     MODELS,

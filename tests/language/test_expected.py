@@ -8,10 +8,10 @@ import pytest
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case
 from tests.support.repin_project import Repository
 from tests.support.small_campaign import write_project

@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import Project, load_test_case, load_test_cases
 

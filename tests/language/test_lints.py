@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.codes import every_code
-from foresee_dsl.language.lints.logic import weaker
+from foresee_dsl.language.logic import weaker
 from foresee_dsl.language.model import Expect, Scenario
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.checked_files import check_paths
 from tests.support.code_frames import FRAMES, example
 
 HEAD = FRAMES["scenario"].partition("@")[0]

@@ -10,8 +10,8 @@ import pytest
 
 from foresee_dsl.compile import with_placements
 from foresee_dsl.errors import InputError
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.messages.diagnostics import render_all
-from foresee_dsl.language.project.checked_files import check_paths
 from tests.support.goldens import Golden
 
 FOLDER = Path(__file__).parents[1] / "cases" / "language" / "newcomer"

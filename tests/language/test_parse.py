@@ -14,9 +14,9 @@ from lark.lexer import PatternStr
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.model import TAKEN
 from foresee_dsl.language.parser import load, parse
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.grammar import parser
 
 ROOT = Path(__file__).parents[2]

@@ -12,11 +12,11 @@ from foresee_dsl.compile.compiler import diagnose
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.diff.addresses import compare_addresses
+from foresee_dsl.language.document import Problem, TestCase
 from foresee_dsl.language.meaning import meaning_hash, pin_of
 from foresee_dsl.language.model import End, Network, UseNetwork
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.addresses import parse_address, scenario_files
-from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import (
     Project,

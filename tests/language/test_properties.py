@@ -16,10 +16,10 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.diff.compare import diff_models
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.meaning import clip_pin, meaning_hash
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import walk
 from tests.support.layouts import moved, odd
 from tests.support.strategies import STATEMENTS, definitions

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.drawing.svg import png_of_svg
 from foresee_dsl.report.show.measures import measure

@@ -15,7 +15,7 @@ import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.drivers.protocol import Control
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.steps import ShownStep, recorded_steps, step_lines

@@ -14,7 +14,7 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.kernels.conditions import box_distance
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import as_data, ground_shapes
 from foresee_dsl.report.page.html import PAINTS as PAINTS_OF_PAGE

@@ -14,8 +14,8 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change, CruiseSpeed, Mutant
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of

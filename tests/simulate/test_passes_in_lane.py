@@ -17,10 +17,10 @@ from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.clipping.fidelity import deviation
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X, Y

@@ -13,9 +13,9 @@ from foresee_dsl.derive.clipping.fidelity import deviation
 from foresee_dsl.drivers.protocol import Control, Observation
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult

@@ -13,11 +13,11 @@ from foresee_dsl.derive.clipping.fidelity import deviation
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Style
 from foresee_dsl.language.model.derived import PROPERTIES, USUAL
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult

@@ -12,7 +12,7 @@ import pytest
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.tracks import read_tracks
 from foresee_dsl.drivers.idm import IdmDriver
-from foresee_dsl.language.project.checked_files import check_paths
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run

@@ -15,8 +15,8 @@ from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import When
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.terminal.runs import print_case_run, print_case_runs
 from foresee_dsl.simulate.results.verdict import RunResult, UnfiredTrigger

@@ -13,10 +13,10 @@ from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import When
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.trace import HEADING, X, Y

@@ -20,8 +20,8 @@ import shapely
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.kernels.constants import STANDS_MPS
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.sensing.sight import in_view, sight_of
 from foresee_dsl.simulate.signals import colour_shown

@@ -11,9 +11,9 @@ import pytest
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Mutant, Quantity
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict

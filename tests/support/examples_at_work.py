@@ -11,10 +11,10 @@ from foresee_dsl.campaign.campaign_file import mistakes_of
 from foresee_dsl.compile import with_placements
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.exchange.sketch import network_of_sketch
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.codes import Code
 from foresee_dsl.language.diff.addresses import compare_addresses
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_catalogue, load_test_case
 from tests.support.code_frames import example
 

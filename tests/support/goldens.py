@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.trace import Trace
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 
 TEXT = """foresee 1

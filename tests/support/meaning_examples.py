@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.model import (
     Actor,
@@ -41,7 +42,6 @@ from foresee_dsl.language.model import (
     When,
     Window,
 )
-from foresee_dsl.language.project.document import TestCase
 from tests.support.worlds import case_from, model, point, q
 
 NAMES = ("car.compact", "car.sedan", "car.sports", "van.delivery", "pedestrian.adult", "bicycle.city")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Actor, Ego, Network, Scenario
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
 from tests.support.worlds import case_from, model, q

@@ -25,7 +25,7 @@ from foresee_dsl import disk_cache
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.syntax.grammar import grammar_text, parse_tree, parser
-from foresee_dsl.language.syntax.nodes import ANY_NAME, RESERVED
+from foresee_dsl.language.syntax.nodes import RESERVED
 from foresee_dsl.language.traversal import walk
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -338,7 +338,7 @@ def settled(model: m.Definition) -> m.Definition:
     and cannot be quoted is not called like one.
     """
     if isinstance(model, m.Extension):  # any word may be a parameter of the scenario that it extends
-        return _without_references(model, ANY_NAME, refer=True)
+        return _without_references(model, m.ANY_NAME, refer=True)
     if not isinstance(model, m.Scenario):
         return _without_references(model, frozenset(), refer=False)
     wanted = {ref.name for item in walk(model) for ref in _references(item)}

@@ -22,9 +22,9 @@ from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.errors import Message
 from foresee_dsl.helps import Help
+from foresee_dsl.language.document import PlacementError, TestCase
 from foresee_dsl.language.model import Junction, Network, Point, Quantity, Road, Stage, VehicleModel
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.document import PlacementError, TestCase
 from foresee_dsl.language.project.loading import bundled_models, load_test_case
 
 _UNITS = {"speed": "km/h", "lanes": "", "back": ""}

@@ -18,7 +18,7 @@ from foresee_dsl.drivers.parts import parts_of
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, Trajectory, VehicleLimits
 from foresee_dsl.drivers.registry import handover_of
 from foresee_dsl.forecast.foresee import ForeseeRanker
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 
 _AHEAD_M = 8.0

@@ -24,8 +24,8 @@ from foresee_dsl.drivers.parts import DriverPart, ideal_parts, with_ideal
 from foresee_dsl.drivers.protocol import OwnDeadline
 from foresee_dsl.drivers.registry import find_driver, load_driver
 from foresee_dsl.errors import DriverError
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Doc
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.trace import STEP_S
 

@@ -31,7 +31,7 @@ from foresee_dsl.campaign.steps.step import StepNode, StepResult
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 

@@ -12,8 +12,8 @@ from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import DriverError
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.printer import quotable
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.driver_faults import LONGEST_REASON
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunRecord, RunResult, Verdict
 from foresee_dsl.simulate.triggers.unfired import unfired

@@ -23,8 +23,8 @@ from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_id
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside, write_whole
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.addresses import is_file, kind_of
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult
 

@@ -23,11 +23,11 @@ from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import absolute, cache_folder, read_outside_text, write_whole
 from foresee_dsl.language.campaign_values import RULES_MODE
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.addresses import relative_to
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 
 

@@ -20,7 +20,7 @@ from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row, Store
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.trace import Trace
 

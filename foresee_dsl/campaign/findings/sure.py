@@ -21,9 +21,9 @@ from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import absolute, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item, print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant, expanded_model, other_sensor_errors, surroundings
 from foresee_dsl.language.project.loading import Project, load_test_case
 

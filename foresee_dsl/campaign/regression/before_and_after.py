@@ -8,7 +8,7 @@ from pathlib import Path
 from foresee_dsl.campaign.driving import recorded_setup
 from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.repinning.repin import DerivedFile
 
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import INDENT, print_item, print_model, quotable
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import walk
 
 _LONGEST = 500

@@ -17,10 +17,10 @@ from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import absolute, read_outside, replacing
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.plain import plain_text
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project import addresses as a
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import load_test_case
 

@@ -15,10 +15,10 @@ from foresee_dsl.drivers.registry import DRIVERS, name_in, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import absolute, read_outside, templates, write_whole
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project import addresses as a
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
 
 if TYPE_CHECKING:

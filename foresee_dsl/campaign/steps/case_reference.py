@@ -14,7 +14,7 @@ from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.records import CaseRunOutcome, Record
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.measuring import Part, reference_driver
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.steps.explanations import explained
 from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import clip_pin
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 

@@ -12,11 +12,10 @@ from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.explanations import NOTHING, Explanation, explained
 from foresee_dsl.campaign.steps.inputs import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
+from foresee_dsl.language.document import Comments, Key, TestCase
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import Comments, TestCase
 from foresee_dsl.language.project.expand import expand_mutant
-from foresee_dsl.language.syntax.node import Key
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace

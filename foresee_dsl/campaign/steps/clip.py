@@ -13,9 +13,9 @@ from foresee_dsl.campaign.records import ClipOutcome, Forecast
 from foresee_dsl.campaign.steps.inputs import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation, share_within, with_fidelity
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict

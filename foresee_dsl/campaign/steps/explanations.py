@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from foresee_dsl.avoidance.judge import Failure
 from foresee_dsl.avoidance.judges import AnyJudgement, judged
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import Story, tell

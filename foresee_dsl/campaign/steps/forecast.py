@@ -21,10 +21,10 @@ from foresee_dsl.forecast.margin import MarginRanker
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import Mutations, Proposes, Ranker, RollsOutGoals
 from foresee_dsl.forecast.registry import load_ranker, ranker_within
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace

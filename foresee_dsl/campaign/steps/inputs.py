@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.campaign.storage.traces import name_of
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Clip, Mutant, Network, VehicleModel
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.trace import Trace

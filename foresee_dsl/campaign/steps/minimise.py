@@ -17,9 +17,9 @@ from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import TrialJudge
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict

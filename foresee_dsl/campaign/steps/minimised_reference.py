@@ -12,7 +12,7 @@ from foresee_dsl.campaign.steps.case_reference import Reference, drive_failure
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.trace import Trace
 

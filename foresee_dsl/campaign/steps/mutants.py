@@ -14,9 +14,9 @@ from foresee_dsl.derive.mutate import How, Mutator
 from foresee_dsl.drivers.registry import recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.foresee import ForeseeRanker
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import Verdict

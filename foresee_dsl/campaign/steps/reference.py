@@ -15,7 +15,7 @@ from foresee_dsl.campaign.steps.case_reference import Reference, drive_failure
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import ClipPart, KeyInputs, Work
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace

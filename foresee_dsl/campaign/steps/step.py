@@ -13,7 +13,7 @@ from foresee_dsl.campaign.driving import DriverSetup, longest_s
 from foresee_dsl.campaign.records import Draft, Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef, load_case, load_trace
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 

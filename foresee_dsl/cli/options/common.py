@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.profiling.tasks import Profiler
-    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.language.document import TestCase
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 """Exit codes: nothing failed; failures were found or the input has errors; wrong usage; a fault of foresee itself."""

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from foresee_dsl.errors import Diagnostic
+    from foresee_dsl.language.checked_files import CheckResult
     from foresee_dsl.language.codes import Code
-    from foresee_dsl.language.project.checked_files import CheckResult
 
 Paths = Annotated[
     list[str],
@@ -70,7 +70,7 @@ def check(
     foresee check --format github --strict scenarios[/dim]
     """
     from foresee_dsl.errors import InputError
-    from foresee_dsl.language.project.checked_files import CheckResult, check_paths
+    from foresee_dsl.language.checked_files import CheckResult, check_paths
 
     wanted, unwanted = _codes(select, "--select"), _codes(ignore, "--ignore")
     try:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from foresee_dsl.errors import Diagnostic
-    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.language.document import TestCase
 
 
 def diff(

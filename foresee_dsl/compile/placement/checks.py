@@ -17,8 +17,8 @@ from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.errors import Message, measured, subject
 from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Problem
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.document import Problem
 
 NEAR_ROAD_M = 30.0
 """Maximum distance of pedestrians, obstacles and actors on paths from a lane, m (ours: a larger distance is probably a

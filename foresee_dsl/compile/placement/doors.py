@@ -10,7 +10,7 @@ from foresee_dsl.compile.bundle import DoorOf, PlacedActor
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.project.document import Problem
+from foresee_dsl.language.document import Problem
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 
 DOOR_LENGTH_M = 1.1

@@ -19,9 +19,9 @@ from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import MessageText, measured
 from foresee_dsl.helps import HelpText, one_of, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Problem, TestCase
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 _BESIDE_M = {"ego": 30.0, "sumo": 30.0, "path": 1.0, "static": 0.0}

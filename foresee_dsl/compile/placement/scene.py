@@ -44,9 +44,9 @@ from foresee_dsl.compile.tracks import TracksError, read_tracks
 from foresee_dsl.errors import MessageText
 from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import PlacementError, Problem, TestCase
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
-from foresee_dsl.language.project.document import PlacementError, Problem, TestCase
 from foresee_dsl.language.traversal import all_actions, word_of
 
 GOAL_BEFORE_END_M = 5.0

@@ -25,8 +25,8 @@ from foresee_dsl.derive.clipping.triggers import Resumed, at_once, triggers_at
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.orders.speed import MET_M

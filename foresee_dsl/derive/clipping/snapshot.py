@@ -12,7 +12,7 @@ from foresee_dsl.compile.placement.statements import item, playback_of, track_of
 from foresee_dsl.compile.roads.topology import junction_of
 from foresee_dsl.compile.tracks import read_tracks
 from foresee_dsl.language import model as m
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.actors.track_followers import TrackClock
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y

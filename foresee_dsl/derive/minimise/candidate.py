@@ -13,9 +13,9 @@ from foresee_dsl.derive.clipping.clip import clip as cut_clip
 from foresee_dsl.derive.clipping.triggers import trimmed
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language import model as m
-from foresee_dsl.language.changes import value_of
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import clip_pin
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.changes import value_of
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.traversal import mentioned
 from foresee_dsl.simulate.trace import STEP_S, Trace

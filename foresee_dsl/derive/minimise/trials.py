@@ -9,8 +9,8 @@ from typing import Literal, TypeVar
 from foresee_dsl.derive.clipping.fidelity import ClipDeviation, deviation
 from foresee_dsl.derive.minimise.candidate import BuiltCandidate, Subject, TrialCandidate, build
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Actor
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 

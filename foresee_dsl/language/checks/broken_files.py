@@ -15,12 +15,12 @@ from foresee_dsl.errors import Diagnostic, InputError, Span, subject
 from foresee_dsl.helps import Meant, meant_word
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
 from foresee_dsl.language.model import Definition
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.syntax.reading import Reading

@@ -12,12 +12,11 @@ from foresee_dsl.language.checks.actors import check_actors
 from foresee_dsl.language.checks.parameters import check_parameters, check_requirements
 from foresee_dsl.language.checks.streets import NamedJunction, Ramp, Streets, check_touching
 from foresee_dsl.language.checks.values import check_values
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model_classes import CLASSES
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.catalogues import SUM_SLACK_M
-from foresee_dsl.language.project.document import Document
 
 
 def check_document(document: Document) -> tuple[Diagnostic, ...]:
@@ -237,7 +236,7 @@ def _check_figures(collector: Collector, model: m.VehicleModel) -> None:
         return
     sum_m, length_m = sum(part.si for part in lengths.values()), model.length.si
     over_m = sum_m - length_m
-    if over_m > SUM_SLACK_M or (len(lengths) == len(parts) and over_m < -SUM_SLACK_M):
+    if over_m > m.SUM_SLACK_M or (len(lengths) == len(parts) and over_m < -m.SUM_SLACK_M):
         message = f"{' + '.join(lengths)} is {sum_m:.2f} m, but the length is {length_m:.2f} m"
         last = next(reversed(lengths))
         left_m = length_m - (sum_m - lengths[last].si)

@@ -12,10 +12,10 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, Group, kind_of
 from foresee_dsl.language.diff.plain import TextChange, texts
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import file_digest, models_named
 from foresee_dsl.language.project import addresses
 from foresee_dsl.language.project.catalogues import entries
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import Project
 

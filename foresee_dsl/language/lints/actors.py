@@ -7,10 +7,10 @@ from typing import get_args
 
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.lints.roads import Roads, junctions_of
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import walk
 
 _ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import remove
 from foresee_dsl.language.codes import NETWORK_LINTS, diagnostic_of
-from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.document import Document
 
 if TYPE_CHECKING:
     from foresee_dsl.language.syntax.scan import Lines, Raw

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.arithmetic import interval_of_param
-from foresee_dsl.language.lints.logic import holds_for_some, negated
+from foresee_dsl.language.logic import holds_for_some, negated
 from foresee_dsl.language.printer import value_text, written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")

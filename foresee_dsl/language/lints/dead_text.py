@@ -9,12 +9,12 @@ from dataclasses import replace
 
 from foresee_dsl.helps import remove, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.lints.certain import About, Limits, always, earliest_s, never
 from foresee_dsl.language.lints.roads import Roads, junctions_of
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, parts, walk
 
 _HELP = "change the condition, or " + remove("remove the actions that wait for it")

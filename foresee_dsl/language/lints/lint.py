@@ -10,6 +10,7 @@ from foresee_dsl.helps import HelpText, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by
 from foresee_dsl.language.codes import diagnostic_of
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.arithmetic import divisions_by_zero
@@ -17,7 +18,6 @@ from foresee_dsl.language.lints.dead_text import certain_conditions, dead_requir
 from foresee_dsl.language.meaning import file_pin
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.project.concretise import SETTLED
-from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
 
 

@@ -10,9 +10,9 @@ from decimal import Decimal
 from foresee_dsl.errors import Diagnostic, InputError, MessageText, Span
 from foresee_dsl.helps import Help, HelpText, remove, rename, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.printer import print_item, written
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import EXAMPLES, NOUNS, Dimension
 
 

@@ -1,7 +1,8 @@
 """Files that build on another one and state only the differences (extensions, clips, mutants), and the properties that
 `change` may name.
 
-The parser, the checks, the editor and `language.changes`, which applies a change, all read `PROPERTIES` and `OWNERS`.
+The parser, the checks, the editor and `language.project.changes`, which applies a change, all read `PROPERTIES` and
+`OWNERS`.
 """
 
 from collections.abc import Callable, Mapping
@@ -228,6 +229,21 @@ class Extension(Block):
     name: v.Name
     parent: v.FilePath
     body: tuple[ExtensionItem, ...]
+
+
+class _AnyName(frozenset[str]):
+    """A set that holds every name."""
+
+    def __contains__(self, name: object) -> bool:
+        return True
+
+
+ANY_NAME: frozenset[str] = _AnyName()
+"""The parameters of a scenario that extends another: any word may be a parameter of the extended scenario, which is in
+another file.
+
+A word that is not a parameter becomes a name again when the two scenarios are joined (`extend.extended`).
+"""
 
 
 # ---- clips and mutants ----------------------------------------------------------------------------------------------

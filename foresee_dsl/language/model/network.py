@@ -184,6 +184,9 @@ class Network(Block):
 
 _Size = Annotated[v.Length, Bounds(0.01, 100.0)]
 _Overhang = Annotated[v.Length, Bounds(0.0, 100.0)]
+SUM_SLACK_M = 0.0101
+"""Largest difference between the length and the sum of overhangs and wheelbase, m: tables round each value to a
+centimetre (ours)."""
 
 
 class VehicleModel(Item, kind="model"):

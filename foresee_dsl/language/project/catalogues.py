@@ -6,14 +6,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model_classes import VEHICLE_CLASSES
-from foresee_dsl.language.project.document import Document
-
-SUM_SLACK_M = 0.0101
-"""Largest difference between the length and the sum of overhangs and wheelbase, m: tables round each value to a
-centimetre (ours)."""
 
 CLASS_CRUISE_MPS = MappingProxyType({"pedestrian": 1.3, "bicycle": 15 / 3.6})
 """Cruise speed if neither the scenario nor the model gives one, m/s; other classes drive at the speed limit.

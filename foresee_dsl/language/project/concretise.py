@@ -11,10 +11,10 @@ from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, references
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
-from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.sampling import case_names, draw
 from foresee_dsl.language.traversal import PLAIN, changed_fields
 from foresee_dsl.language.units import UNITS

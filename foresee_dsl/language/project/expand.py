@@ -8,15 +8,15 @@ from pathlib import Path
 from foresee_dsl.files import absolute
 from foresee_dsl.helps import write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.changes import changed_body, weakened
+from foresee_dsl.language.document import Comments, Document, TestCase
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import print_model, remarked, value_text
 from foresee_dsl.language.project.addresses import relative_to
 from foresee_dsl.language.project.catalogues import check_models
+from foresee_dsl.language.project.changes import changed_body, weakened
 from foresee_dsl.language.project.concretise import concretise
-from foresee_dsl.language.project.document import Comments, Document, TestCase
 from foresee_dsl.language.traversal import mentioned, parts
 
 

@@ -15,11 +15,11 @@ from foresee_dsl.files import absolute
 from foresee_dsl.helps import HelpText, instead, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
-from foresee_dsl.language.changes import changed_body, weakened
+from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import relative_to
-from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.project.changes import changed_body, weakened
 from foresee_dsl.language.traversal import changed_fields, walk
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)

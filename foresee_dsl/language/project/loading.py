@@ -13,13 +13,13 @@ from foresee_dsl.errors import Diagnostic, ForeseeError, InputError, MessageText
 from foresee_dsl.files import absolute, data_folder
 from foresee_dsl.helps import Help, HelpText, write
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.meaning import file_pin, meaning_hash, pin_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.addresses import display_path, is_folder, mistake
 from foresee_dsl.language.project.catalogues import check_models, entries
 from foresee_dsl.language.project.concretise import cases, concretise, settled_network
-from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
 from foresee_dsl.language.sampling import with_drawn_cases

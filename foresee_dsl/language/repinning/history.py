@@ -13,8 +13,8 @@ from pathlib import Path
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import absolute, read_outside
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 
 COMMITS = 200

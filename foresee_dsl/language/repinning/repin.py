@@ -16,11 +16,11 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.addresses import diff_cases
 from foresee_dsl.language.diff.parts import Difference
 from foresee_dsl.language.diff.rendering import render_groups
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.meaning import clip_pin, pin_of
 from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import display_path, is_folder, kind_of, mistake, scenario_files
-from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.history import History

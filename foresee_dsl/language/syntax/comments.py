@@ -8,17 +8,13 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from foresee_dsl.errors import Span
-from foresee_dsl.language.project.document import Comments
-from foresee_dsl.language.syntax.node import Key, Node
+from foresee_dsl.language.document import END, HEADER, Comments, Key
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.syntax.scan import Comment
 
 _Place = tuple[int, int]
 _START = attrgetter("start")
 
-HEADER: Key = ("header",)
-"""The key of the line `foresee 1`."""
-END: Key = ("end",)
-"""The key of the comments after the last brace."""
 BARE = " "
 """The text of an empty comment (an empty string is a blank line)."""
 

@@ -12,9 +12,7 @@ from decimal import Decimal
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-
-Key = tuple[str | int, ...]
-"""The path of a statement in the model."""
+from foresee_dsl.language.document import Key
 
 
 @dataclass(slots=True)

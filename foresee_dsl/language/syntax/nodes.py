@@ -39,21 +39,6 @@ MAX_DEPTH = 40
 """Maximum nesting of conditions (ours: far more than people write, far below Python's recursion limit)."""
 
 
-class _AnyName(frozenset[str]):
-    """A set that holds every name."""
-
-    def __contains__(self, name: object) -> bool:
-        return True
-
-
-ANY_NAME: frozenset[str] = _AnyName()
-"""The parameters of a scenario that extends another: any word may be a parameter of the extended scenario, which is in
-another file.
-
-A word that is not a parameter becomes a name again when the two scenarios are joined (`extend.extended`).
-"""
-
-
 _TURNS = form_of(m.Leg, "turn").words
 RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
 """Words that are never read as a parameter's name, at any place; so no parameter can have such a name."""
@@ -89,7 +74,7 @@ class NodeMaker:
         """True if these statements have expressions, which `parameters.settle` evaluates after all nodes are made."""
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = (
-            ANY_NAME if extends else frozenset(str(param.children[0]) for param in _statements(tree, "param"))
+            m.ANY_NAME if extends else frozenset(str(param.children[0]) for param in _statements(tree, "param"))
         )
         self.calculates = False
         self._depth = 0
@@ -219,7 +204,7 @@ class NodeMaker:
             written, share = f"{number} %", f"{Decimal(str(number)) / 100:f}"
             self._error("FS005", f"`{written}`: write a share as a plain number", meant_code(share), node.span)
             return Node(m.Quantity, node.span)
-        if str(unit) not in UNITS and self._parameters is not ANY_NAME and str(unit) in self._parameters:
+        if str(unit) not in UNITS and self._parameters is not m.ANY_NAME and str(unit) in self._parameters:
             message = f"the sign between `{number}` and '{unit}' is missing"
             self._error("FS060", message, meant_code(f"{number} * {unit}"), node.span)
             return Node(m.Quantity, node.span)

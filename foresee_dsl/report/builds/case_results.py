@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
     from foresee_dsl.campaign.regression.verify import Recheck
     from foresee_dsl.campaign.results import CampaignResult
-    from foresee_dsl.language.project.document import Document
+    from foresee_dsl.language.document import Document
 
 
 _CONFORMANCE = "conformance"

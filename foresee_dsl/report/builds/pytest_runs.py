@@ -12,8 +12,8 @@ from foresee_dsl.campaign.regression.suite import SuiteTest, role_of, suite_of
 from foresee_dsl.campaign.regression.verify import HARMLESS_EDIT, reached
 from foresee_dsl.drivers.consent import allow, refuse_programs
 from foresee_dsl.errors import InputError
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.addresses import kind_of
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.builds.case_results import BuildOutcome, CaseResult, of_record
 from foresee_dsl.report.verdicts import rule_lines

@@ -21,10 +21,10 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.documents import or_null, where_set
 from foresee_dsl.drivers.consent import may_start
 from foresee_dsl.errors import ForeseeError, InputError
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Doc, Mutant, Origin, Quantity
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import as_data, ground_shapes

@@ -14,7 +14,7 @@ from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.diff.addresses import parent_address
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import FindingEntry

@@ -20,9 +20,9 @@ from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project import addresses as a
-from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.report.drawing.ground import stop_line

@@ -8,7 +8,7 @@ from pathlib import Path
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import absolute
 from foresee_dsl.language import model as m
-from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.drawing.sheet import TextPlace
 

@@ -14,8 +14,8 @@ from foresee_dsl.compile.compiler import Sketch
 from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 from foresee_dsl.report.drawing.sheet import TextPlace
 from foresee_dsl.report.picture.subject import Zone

@@ -11,7 +11,7 @@ import numpy as np
 from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.criticality import Measure, criticality
 from foresee_dsl.simulate.sensing.settings import STANDARD
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight

@@ -15,8 +15,8 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.language.diff.addresses import parent_address
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.addresses import is_file, parse_address
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import UnfiredTrigger
 from foresee_dsl.simulate.trace import Trace

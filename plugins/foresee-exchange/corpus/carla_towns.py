@@ -19,8 +19,8 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.exchange.outcome import Imported
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Ego, End, Expect, Predicate, Scenario, Traffic
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run

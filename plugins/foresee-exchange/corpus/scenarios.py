@@ -20,8 +20,8 @@ from corpus.steady import SteadyDriver, steady_copy
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.outcome import Imported
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import End, Expect, Quantity, Scenario, When
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.language.traversal import all_actions
 from foresee_dsl.simulate.runner import run

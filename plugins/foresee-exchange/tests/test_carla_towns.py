@@ -25,7 +25,7 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 
 FAMILIES = {
     "Town10HD": {"3": 16, "4": 46, "7": 19, "8": 19, "9": 20},

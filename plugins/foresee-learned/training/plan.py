@@ -17,8 +17,8 @@ from foresee_dsl.exchange.outcome import write_text
 from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.addresses import scenario_files
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project, load_test_cases
 from foresee_dsl.language.sampling import draw
 from training.driving import Disturbance

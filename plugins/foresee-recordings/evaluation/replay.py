@@ -16,7 +16,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.tracks import read_tracks
 from foresee_dsl.drivers.protocol import Mission, Observation, Trajectory, VehicleLimits
 from foresee_dsl.language import model as m
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run

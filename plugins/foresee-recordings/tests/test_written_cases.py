@@ -20,7 +20,7 @@ from foresee_recordings.scenarios.writing import Choice, write_cases, write_seco
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.language.project.checked_files import check_paths
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace

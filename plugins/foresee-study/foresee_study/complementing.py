@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.campaign.driving import case_name
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_study.fuzz.settings import FuzzSettings
 from foresee_study.fuzzed import Fuzzed
 from foresee_study.measured import MeasuredCampaign

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import case_name
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz.records import FuzzedCase, FuzzResult
 from foresee_study.halves import Half, half_of

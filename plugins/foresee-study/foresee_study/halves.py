@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from pathlib import Path
 
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 
 
 class Half(StrEnum):

@@ -18,7 +18,7 @@ from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_study.complementing import complement
 from foresee_study.folder import Cost, StudyFolder
 from foresee_study.fuzz.engine import fuzz

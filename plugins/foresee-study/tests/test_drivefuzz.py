@@ -29,8 +29,8 @@ from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.parser import format_text
-from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import Project, load_test_case, load_test_cases
 from foresee_dsl.report.builds.case_results import BuildOutcome

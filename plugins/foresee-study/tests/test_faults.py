@@ -36,7 +36,7 @@ from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleL
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
 from foresee_dsl.forecast.registry import RANKERS
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.runner import run
 
 # The plug-in is found by way of the path: other tests list what is installed, so it is there for these tests alone.

@@ -15,7 +15,7 @@ from foresee_dsl.compile.bundle import Scene, SumoBundle
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_exchange.carla.files import offset_of
 

@@ -13,11 +13,11 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.templates import environment
+from foresee_dsl.language.document import PlacementError, TestCase
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, Scenario, VehicleModel
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.concretise import concretise
-from foresee_dsl.language.project.document import PlacementError, TestCase
 from foresee_dsl.language.project.loading import bundled_models
 from foresee_exchange.carla.staging import Case, common, declared, is_of_route, value_of
 from foresee_exchange.naming import distinct_name, name_of, sentence

@@ -31,9 +31,9 @@ from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Surroundings
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace

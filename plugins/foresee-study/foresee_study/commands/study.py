@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.settings import Allocation
-    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.language.document import TestCase
     from foresee_study.folder import Cost, StudyFolder
     from foresee_study.halves import Half
     from foresee_study.running import Cases, StudyRun

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.faults.evidence import Evidence
 from foresee_study.faults.measures import detects, weakest

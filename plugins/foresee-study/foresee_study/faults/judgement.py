@@ -28,7 +28,7 @@ from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_study.faults.measures import Confusion

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from foresee_dsl.files import data_folder
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_study.halves import Half, of_half
 

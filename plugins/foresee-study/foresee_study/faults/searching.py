@@ -28,7 +28,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_study.faults.evidence import (
     AHEAD,
     ANY,

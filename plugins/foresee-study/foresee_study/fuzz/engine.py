@@ -27,7 +27,7 @@ from foresee_dsl.campaign.keys import driver_identity, step_code
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.folder import FOLDER, publish

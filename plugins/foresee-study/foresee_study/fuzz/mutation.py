@@ -14,8 +14,8 @@ from foresee_dsl.compile.catalogue import cruise_speed, spec_of
 from foresee_dsl.compile.placement.statements import lane_kind
 from foresee_dsl.compile.roads.polyline import XY, Points, distance
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.project.document import TestCase
 from foresee_study.fuzz import settings as s
 from foresee_study.fuzz.placement import Around, LanePlace
 

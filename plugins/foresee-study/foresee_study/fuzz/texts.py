@@ -10,9 +10,9 @@ from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.regression.expectations import expected_of
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_item, print_model, quotable
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz.mutation import Line

@@ -15,7 +15,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_study.fuzz import settings as s

@@ -17,10 +17,10 @@ from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import KeyInputs, Work
 from foresee_dsl.derive.mutate import Mutator
 from foresee_dsl.derive.presets import preset
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Mutant, Origin, Quantity
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.trace import Trace
 from foresee_study.search.protocol import Point

@@ -22,7 +22,7 @@ from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.presets import preset
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.document import TestCase
 from foresee_study.search.mutants import ProposedMutants
 from foresee_study.search.protocol import FAR, OBJECTIVES, Evaluation, Point, Search
 from foresee_study.search.space import dimensions_of, index_at, run_margins

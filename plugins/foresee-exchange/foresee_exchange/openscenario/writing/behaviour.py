@@ -14,7 +14,7 @@ from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.compile.roads.polyline import XY, direction
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.language import model as m
-from foresee_dsl.language.lints.logic import TURNED
+from foresee_dsl.language.logic import TURNED
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.trace import Trace, X, Y

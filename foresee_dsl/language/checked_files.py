@@ -8,9 +8,9 @@ from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import absolute
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.lints.lint import lint
 from foresee_dsl.language.project import addresses as a
-from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
 
 

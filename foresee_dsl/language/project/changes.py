@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
-from foresee_dsl.language.lints.logic import weaker
+from foresee_dsl.language.logic import weaker
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean

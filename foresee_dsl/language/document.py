@@ -13,6 +13,13 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import diagnostic_of
 from foresee_dsl.notebooks import Displayed
 
+Key = tuple[str | int, ...]
+"""The path of a statement in the model."""
+HEADER: Key = ("header",)
+"""The key of the line `foresee 1`."""
+END: Key = ("end",)
+"""The key of the comments after the last brace."""
+
 
 @dataclass(frozen=True)
 class Comments:
@@ -46,7 +53,7 @@ class Document:
     text: str
     model: m.Definition
     spans: Mapping[tuple[int, str], Span] = field(default_factory=dict)
-    comments: Mapping[tuple[str | int, ...], Comments] = field(default_factory=dict)
+    comments: Mapping[Key, Comments] = field(default_factory=dict)
     base: Document | None = None
     """For a scenario that extends another, the document of the other. `model` is then the joined scenario, and
     `written` the definition in this file."""
