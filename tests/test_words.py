@@ -45,7 +45,7 @@ IN_FILES = {
     ("foresee_dsl/campaign/storage/maintenance.py", "known"),
     ("foresee_dsl/derive/minimise/outcome.py", "tried"),
     ("foresee_dsl/language/model/derived.py", "found"),
-    ("foresee_dsl/simulate/triggers/record.py", "known"),
+    ("foresee_dsl/simulate/trigger_record.py", "known"),
     ("foresee_dsl/story/story.py", "somebody"),
     ("docs/guide/findings.md", "somebody"),
     ("docs/reference/glossary.md", "somebody"),

@@ -251,7 +251,7 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
     if way is Pictures.NONE:
         return ""
     from foresee_dsl.report.drawing.svg import png_of_svg
-    from foresee_dsl.report.strip import svg_of
+    from foresee_dsl.report.show.strip import svg_of
 
     try:
         return encoded(png_of_svg(svg_of(strips, "", per_row=6), zoom=1.2), way)
@@ -264,7 +264,7 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
 def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -> None:
     from foresee_dsl.files import write_whole
     from foresee_dsl.report.drawing.svg import png_of_svg
-    from foresee_dsl.report.strip import svg_of
+    from foresee_dsl.report.show.strip import svg_of
 
     per_row = 3 if len(strips) == 1 else 6  # the moments of a mutant stand right below those of its parent
     svg = svg_of(strips, label, per_row=per_row)

@@ -18,7 +18,7 @@ from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.picture.draw import draw
-from foresee_dsl.report.strip import strip_svg
+from foresee_dsl.report.show.strip import strip_svg
 from foresee_dsl.report.terminal.tables import near_lines
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.story import tell

@@ -14,7 +14,7 @@ from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.actors.states import IntArray, StateTable
 from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.trace import FIELDS, SPEED, STEP_S, ActorInfo, Event, Trace
-from foresee_dsl.simulate.triggers.record import DirectorRecord
+from foresee_dsl.simulate.trigger_record import DirectorRecord
 
 
 class Recorder:

@@ -29,7 +29,7 @@ from foresee_dsl.files import open_outside, replacing
 from foresee_dsl.kernels.constants import STEP_S as STEP_S  # noqa: PLC0414 - users of traces import it from here
 from foresee_dsl.limits import most, raised_by
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.triggers.record import DirectorRecord
+from foresee_dsl.simulate.trigger_record import DirectorRecord
 
 _MOST_MEMBERS = 100
 """Maximum number of arrays in a file. Ours: the file of a trace has nine."""

@@ -34,7 +34,7 @@ from foresee_dsl.language.model import (
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.simulate.trace import STEER
-from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, TriggerState, add
+from foresee_dsl.simulate.trigger_record import ActorOrders, DirectorRecord, TriggerState, add
 from tests.support.handmade_traces import EAST, SOUTH, make_trace, straight, until
 from tests.support.situations import Actor, case_with, crossing, risky, walker
 from tests.support.worlds import q

@@ -24,7 +24,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts
-from foresee_dsl.simulate.triggers.record import HoldingTime
+from foresee_dsl.simulate.trigger_record import HoldingTime
 from tests.support.worlds import q
 
 FRAMES = 50

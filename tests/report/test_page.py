@@ -20,8 +20,8 @@ from foresee_dsl.report.drawing.svg import png_of_svg
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun
+from foresee_dsl.report.show.strip import svg_of
 from foresee_dsl.report.show.terminal_pictures import Pictures, encoded, sixel, way_of
-from foresee_dsl.report.strip import svg_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
 from tests.support.goldens import Golden

@@ -20,7 +20,7 @@ from foresee_dsl.report.drawing.shapes import as_data, ground_shapes
 from foresee_dsl.report.page.html import PAINTS as PAINTS_OF_PAGE
 from foresee_dsl.report.page.playback import Marks, playback
 from foresee_dsl.report.show.panels import Footprint, Role, Strip, panel_parts
-from foresee_dsl.report.strip import make_strip, strip_svg, svg_of
+from foresee_dsl.report.show.strip import make_strip, strip_svg, svg_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.simulate.trace import STEP_S, ActorInfo, Event, Trace
-from foresee_dsl.simulate.triggers.record import DirectorRecord
+from foresee_dsl.simulate.trigger_record import DirectorRecord
 
 SIZES = {
     "car": ("car.compact", 4.0, 1.8, 2.5),

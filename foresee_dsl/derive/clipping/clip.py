@@ -31,7 +31,7 @@ from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.orders.speed import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, WAYPOINT_M, ActorInfo, Trace, X, Y
-from foresee_dsl.simulate.triggers.record import ActorOrders
+from foresee_dsl.simulate.trigger_record import ActorOrders
 
 _Timed = m.Steers | m.Line | m.Brakes
 RECORDED_EVERY_S = 0.05

@@ -16,7 +16,7 @@ from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import mentioned, parts, si_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
+from foresee_dsl.simulate.trigger_record import HoldingTime, Runs
 
 DIGITS = 4
 """Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3

@@ -20,7 +20,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import all_actions, fields_of, si_of
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
-from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
+from foresee_dsl.simulate.trigger_record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
 
 Resumed = (
     m.ChangesSpeed

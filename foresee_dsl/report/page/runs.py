@@ -32,7 +32,7 @@ from foresee_dsl.report.page.pictures import Thumbnail, thumbnail
 from foresee_dsl.report.page.playback import Marks, Parent, ego_way, playback
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.steps import reason_texts, recorded_steps
-from foresee_dsl.report.strip import strip_svg
+from foresee_dsl.report.show.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import contact_of, touched_at
 from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment, Story, tell

@@ -12,7 +12,7 @@ from foresee_dsl.report.drawing.ground import Layer
 from foresee_dsl.report.drawing.palette import PAINTS
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.panels import Panel, Role, Strip, panel_parts
-from foresee_dsl.report.strip import caption_of, legend_of
+from foresee_dsl.report.show.strip import caption_of, legend_of
 
 WIDEST, NARROWEST = 40, 26
 """Largest and smallest width of a panel with its frame, columns. Ours: in a window of 24 m, a road of two lanes is then

@@ -18,7 +18,7 @@ from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.moments import Snapshot
 from foresee_dsl.report.show.panels import Panel, key_frame, strip_panels, window_before
 from foresee_dsl.report.show.sources import ShownRun
-from foresee_dsl.report.strip import SIZES, map_of, opponent_of
+from foresee_dsl.report.show.strip import SIZES, map_of, opponent_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.story import Moment
 

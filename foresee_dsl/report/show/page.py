@@ -19,8 +19,8 @@ from foresee_dsl.report.show.characters import legend_lines, pair_lines, strip_l
 from foresee_dsl.report.show.measures import Measures, measure, signal_ahead
 from foresee_dsl.report.show.panels import Strip, Up
 from foresee_dsl.report.show.sources import ShownRun
+from foresee_dsl.report.show.strip import make_strip
 from foresee_dsl.report.show.timeline import timeline
-from foresee_dsl.report.strip import make_strip
 from foresee_dsl.report.verdicts import unfired_lines
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y

@@ -16,7 +16,7 @@ from foresee_dsl.files import write_whole
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.report.show.sources import ShownRun
-from foresee_dsl.report.strip import opponent_of
+from foresee_dsl.report.show.strip import opponent_of
 from foresee_dsl.simulate.results.criticality import Measure, criticality
 from foresee_dsl.simulate.results.near_misses import times_between
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y

@@ -31,10 +31,10 @@ from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.trigger_record import HoldingTime, Runs
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions, every, some
 from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, kind_of
 from foresee_dsl.simulate.triggers.measures import Cost
-from foresee_dsl.simulate.triggers.record import HoldingTime, Runs
 
 Note = Callable[[int, HoldingTime | None], None]
 """Function that is called when the condition of a `for` begins to hold, or (with None) ceases to hold; the number is

@@ -38,8 +38,8 @@ from foresee_dsl.simulate.orders.speed import (
 )
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.trigger_record import DirectorRecord, Order
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.record import DirectorRecord, Order
 from foresee_dsl.simulate.triggers.standing_orders import StandingOrders
 from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 

@@ -13,7 +13,7 @@ from foresee_dsl.simulate.orders.pair import Gap
 from foresee_dsl.simulate.orders.speed import BOUND_FROM_M, Braking, Command, Halt, Meeting
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.record import ActorOrders, add
+from foresee_dsl.simulate.trigger_record import ActorOrders, add
 from foresee_dsl.simulate.triggers.trigger import IsComplete
 
 
@@ -22,7 +22,7 @@ class StandingOrders:
 
     Attributes:
         new: ids of the actors that got a speed order since this list was last emptied.
-        recorded: the states of each actor's orders, in order of time; see `triggers.record`.
+        recorded: the states of each actor's orders, in order of time; see `trigger_record`.
     """
 
     def __init__(self, simulation: Simulation, recorder: Recorder) -> None:

@@ -12,9 +12,9 @@ from dataclasses import asdict
 from typing import Any
 
 from foresee_dsl.language.model import Action, Condition, Then, When
+from foresee_dsl.simulate.trigger_record import BlockState, HoldingTime, Place, TriggerState, add
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.record import BlockState, HoldingTime, Place, TriggerState, add
 
 IsComplete = Callable[[], bool]
 """Function that returns whether an action is complete."""

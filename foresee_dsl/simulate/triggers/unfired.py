@@ -32,10 +32,10 @@ from foresee_dsl.simulate.results.verdict import Nearest, UnfiredTrigger
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace, X
+from foresee_dsl.simulate.trigger_record import Place
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
 from foresee_dsl.simulate.triggers.kinds import ConditionKind, kind_of
-from foresee_dsl.simulate.triggers.record import Place
 from foresee_dsl.simulate.world import World
 
 
