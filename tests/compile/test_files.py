@@ -10,7 +10,7 @@ import pytest
 
 from foresee_dsl.compile.bundle import PlacedActor, Scene, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.sumo_files import types_of, write_sumo_folder
 from foresee_dsl.language.model import VehicleModel
 from tests.support.worlds import four_arms, net_of, q, read_signals
@@ -50,7 +50,7 @@ def bundle(tmp_path_factory):
         PlacedActor("box", crate, "static", 3.0, -20.0, 0.0, 0.0),
     )
     scene = Scene(actors, start_s=0.0, goal_s=100.0, end_s=20.0, signals=(("j4", "ew_go", 21.5),))
-    return SumoBundle("n", net, types, "key", RoadNetwork.from_net(net), read_signals(net, four_arms()), scene)
+    return SumoBundle("n", net, types, "key", read_network(net), read_signals(net, four_arms()), scene)
 
 
 def test_sumo_opens_the_folder_with_everything_in_its_place(tmp_path, bundle):

@@ -11,8 +11,8 @@ from foresee_dsl.compile.foreign.geometry_repair import repair_overlaps
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_reading import crosswalks_of
 from foresee_dsl.compile.foreign.signal_programs import fix_times
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
 from tests.support.worlds import four_arms, net_of, read_signals
 
@@ -125,7 +125,7 @@ def test_crossings_lie_where_the_map_has_its_crosswalks(built: Path, tmp_path: P
         for objects in road.findall("objects"):
             road.remove(objects)  # netconvert's own crosswalks
     ElementTree.ElementTree(root).write(tmp_path / "map.xodr")
-    guessed = RoadNetwork.from_net(foreign_net(tmp_path / "map.xodr"))
+    guessed = read_network(foreign_net(tmp_path / "map.xodr"))
     (junction,) = {crossing.junction for crossing in guessed.crossings.values()}
     assert len(guessed.crossings) > 2
 
@@ -141,7 +141,7 @@ def test_crossings_lie_where_the_map_has_its_crosswalks(built: Path, tmp_path: P
 
     (found,) = crosswalks_of(root)
     assert (found.length_m, found.width_m) == (16, 3)
-    network = RoadNetwork.from_net(foreign_net(tmp_path / "marked.xodr"))
+    network = read_network(foreign_net(tmp_path / "marked.xodr"))
     (crossing,) = network.crossings.values()
     assert crossing.junction == junction
     assert crossing.lane.width_m == pytest.approx(3.0)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.walkways import Walkways, walkways
@@ -23,13 +23,13 @@ HALF_LANE = 1.65
 
 @pytest.fixture(scope="module")
 def road():
-    return RoadNetwork.from_net(net_of(PLAIN))
+    return read_network(net_of(PLAIN))
 
 
 @pytest.fixture(scope="module")
 def wide():
     """The same with two lanes from the west."""
-    return RoadNetwork.from_net(net_of(four_arms(median=0, via=())))
+    return read_network(net_of(four_arms(median=0, via=())))
 
 
 def go(start, *legs):
@@ -56,7 +56,7 @@ def test_knows_who_yields_to_whom(road):
 def test_a_broken_net_is_refused(tmp_path):
     (tmp_path / "a.net.xml").write_text("<nodes/>")
     with pytest.raises(CompileError, match="SUMO network"):
-        RoadNetwork.from_net(tmp_path / "a.net.xml")
+        read_network(tmp_path / "a.net.xml")
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_says_how_far_off_the_road(road):
 @given(s=st.floats(0, 235), offset=st.floats(-2.5, 2.5), hint=st.floats(-5, 5))
 @settings(max_examples=60, deadline=None)
 def test_projecting_undoes_locating(s, offset, hint):
-    line = RoadNetwork.from_net(net_of(PLAIN)).line(("south", "north_back"))
+    line = read_network(net_of(PLAIN)).line(("south", "north_back"))
     x, y, _ = line.at(s, offset)
     assert line.project(x, y, s + hint) == pytest.approx((s, offset), abs=1e-6)
     assert line.project(x, y) == pytest.approx((s, offset), abs=1e-6)
@@ -221,7 +221,7 @@ def test_walks_stay_on_footways_and_name_their_crossings(road):
 
 def test_every_route_of_a_real_town_connects(carla):
     """CARLA's 120 routes on Town10HD: their waypoints lie on lanes (0.05 m), and every line stays on the road."""
-    road = RoadNetwork.from_net(foreign_net(carla / "maps" / "xodr" / "Town10HD.xodr"))
+    road = read_network(foreign_net(carla / "maps" / "xodr" / "Town10HD.xodr"))
     seen = 0
     for file in sorted((carla / "routes").glob("*/Town10HD_*.xml")):
         for route in ET.parse(file).getroot():

@@ -11,9 +11,8 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.geometry_faults import CheckedGeometry
 from foresee_dsl.compile.foreign.geometry_repair import geometry_of, repair_geometry, rounded
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.net_reader import read_net, topology_of
+from foresee_dsl.compile.nets.net_reader import read_net, read_network, topology_of
 from foresee_dsl.compile.nets.safe_xml import parse_net
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_case
@@ -73,7 +72,7 @@ def test_a_route_over_a_broken_place_is_refused_with_the_place(tmp_path: Path) -
     [broken] = geometry_of(parse_net(made)).broken
     assert broken.startswith("lane out_0 turns by 174 degrees")
     assert broken.endswith("at (150.0 m, 0.0 m)")
-    network = RoadNetwork.from_net(made)
+    network = read_network(made)
     for find in (lambda: network.line(("in", "out")), lambda: network.shortest_route("in", "out")):
         with pytest.raises(RouteError, match=r"the map is broken on the way: lane out_0 turns by 174"):
             find()

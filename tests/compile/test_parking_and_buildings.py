@@ -5,9 +5,9 @@ import math
 import pytest
 from shapely import Polygon
 
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building
 from tests.support.worlds import EGO, four_arms, net_of, point, problems_of, scene_of
@@ -23,7 +23,7 @@ def parked(count, seed=3, within=150):
 
 
 def test_a_strip_lies_between_lanes_and_sidewalk():
-    road = RoadNetwork.from_net(net_of(STREET))
+    road = read_network(net_of(STREET))
     sidewalk, strip, *lanes = road.edges["west"].lanes
     assert strip.parking and not strip.kinds and strip.width_m == 2.2
     assert sidewalk.kinds == {"pedestrian"} and all("car" in lane.kinds for lane in lanes)
@@ -32,7 +32,7 @@ def test_a_strip_lies_between_lanes_and_sidewalk():
 
 
 def test_they_stand_on_strips_along_them_with_air_between():
-    road = RoadNetwork.from_net(net_of(STREET))
+    road = read_network(net_of(STREET))
     strips = [lane for lane in road.lanes.values() if lane.parking]
     assert {lane.edge for lane in strips} == {"west", "west_back"}
     scene, cars = parked(8)
@@ -79,7 +79,7 @@ def test_only_the_named_roads_are_crossed(tmp_path):
     some = junction.model_copy(update={"crossings": ("north", "east")})
     body = tuple(some if item is junction else item for item in STREET.body)
     build_network(STREET.model_copy(update={"body": body}), tmp_path / "n.net.xml")
-    network = RoadNetwork.from_net(tmp_path / "n.net.xml")
+    network = read_network(tmp_path / "n.net.xml")
     assert len(network.crossings) == 2
     assert all(
         abs(sum(x for x, _ in c.lane.shape)) > 5 or sum(y for _, y in c.lane.shape) > 5

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.compile.nets.cache import read_net_once
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.placement.checks import common_area
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
 from tests.support.worlds import PLAIN, net_of
 
@@ -36,7 +36,7 @@ def test_the_common_area_of_two_boxes_is_shapelys(x, y, heading, length, width):
 @given(st.floats(-150, 150), st.floats(-150, 150))
 @settings(max_examples=100, deadline=None)
 def test_the_nearest_lane_is_shapelys(x, y):
-    road = RoadNetwork.from_net(net_of(PLAIN))
+    road = read_network(net_of(PLAIN))
     lanes = [lane for lane in road.lanes.values() if "car" in lane.kinds and lane.edge not in road.walking_areas]
     away = {lane.id: shapely.LineString(lane.shape).distance(shapely.Point(x, y)) for lane in lanes}
     nearest = min(lanes, key=lambda lane: away[lane.id])

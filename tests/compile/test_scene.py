@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.placement.scene import friction_of
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import InputError
 from tests.support.worlds import EGO, PLAIN, case_of, four_arms, net_of, problems_of, scene_of
 
@@ -98,7 +98,7 @@ def test_walkers_follow_their_path_and_wait_for_their_trigger():
 
 
 def test_a_path_along_a_crossing_obeys_its_signal():
-    crossing = next(iter(RoadNetwork.from_net(net_of(PLAIN)).crossings.values()))
+    crossing = next(iter(read_network(net_of(PLAIN)).crossings.values()))
     (x0, y0), (x1, y1) = crossing.lane.shape[0], crossing.lane.shape[-1]
 
     def stops(beside_m):

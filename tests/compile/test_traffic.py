@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.roads.network import RoadNetwork
 from tests.support.worlds import EGO, PLAIN, four_arms, net_of, scene_of
 
 NETWORK = four_arms(median=0, via=())
@@ -44,7 +44,7 @@ def test_they_are_numbered_and_as_many_as_asked(mixed):
 
 
 def test_vehicles_stand_on_their_lane_and_can_stop(mixed):
-    road = RoadNetwork.from_net(net_of(NETWORK))
+    road = read_network(net_of(NETWORK))
     for actor in (a for a in mixed[1] if a.control == "sumo"):
         lane = road.lanes[actor.lane]
         front, lateral = lane.line.project(actor.x, actor.y)
@@ -61,7 +61,7 @@ def test_vehicles_stand_on_their_lane_and_can_stop(mixed):
 
 def test_nobody_is_in_the_way_at_the_start(mixed):
     scene, _ = mixed
-    road = RoadNetwork.from_net(net_of(NETWORK))
+    road = read_network(net_of(NETWORK))
     by_lane = {}
     for actor in scene.actors:
         if actor.lane:

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec, Phase, PlacedActor, Scene, Signal, SumoBundle
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.trace import Trace
@@ -63,7 +64,7 @@ class Town:
 
     def __init__(self, net: Path) -> None:
         self.net, self.types = net, net.with_name("types.add.xml")
-        self.network = RoadNetwork.from_net(net)
+        self.network = read_network(net)
         self.signals = {tls.attrib["id"]: _signal(tls) for tls in ElementTree.parse(net).getroot().iterfind("tlLogic")}
 
     def vehicle(

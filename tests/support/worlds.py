@@ -13,13 +13,13 @@ from xml.etree import ElementTree
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net
-from foresee_dsl.compile.nets.net_reader import topology_of
+from foresee_dsl.compile.nets.net_reader import read_network, topology_of
 from foresee_dsl.compile.nets.netconvert import run_netconvert
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import signals_of
 from foresee_dsl.compile.placement.scene import SceneBuilder
-from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
+from foresee_dsl.compile.roads.network import buildings_of
 from foresee_dsl.errors import Message
 from foresee_dsl.helps import Help
 from foresee_dsl.language.document import PlacementError, TestCase
@@ -219,7 +219,7 @@ def written_case(file, text):
 def scene_of(text, network=PLAIN):
     net = net_of(network)
     specs = {name: spec_of(model) for name, model in bundled_models().items()}
-    read = RoadNetwork.from_net(net, buildings_of(network))
+    read = read_network(net, buildings_of(network))
     return SceneBuilder(case_of(text, network), read, specs, read_signals(net, network)).build()
 
 

@@ -1,4 +1,4 @@
-"""Reads SUMO's `.net.xml` into a `Topology`."""
+"""Reads SUMO's `.net.xml` into a `Topology` or a `RoadNetwork`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import (
     STRIPS_ON_THE_ROAD,
@@ -57,6 +58,11 @@ def read_net(net_file: Path) -> Topology:
         CompileError: the file is not a SUMO network.
     """
     return topology_of(parse_net(net_file))
+
+
+def read_network(net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
+    """Read a SUMO network, and add the outlines of its buildings; raises like `read_net`."""
+    return RoadNetwork.of(read_net(net_file), buildings)
 
 
 def topology_of(root: Element) -> Topology:

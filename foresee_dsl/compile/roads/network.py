@@ -99,13 +99,6 @@ class RoadNetwork(Topology):
     _indices: dict[LaneKind | None, _LaneIndex] = field(default_factory=dict, init=False)
 
     @classmethod
-    def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
-        """Read a SUMO network, and add the outlines of its buildings."""
-        from foresee_dsl.compile.nets.net_reader import read_net  # slow import (XML), only for new nets
-
-        return cls.of(read_net(net_file), buildings)
-
-    @classmethod
     def of(cls, topology: Topology, buildings: tuple[Points, ...] = (), written: Network | None = None) -> RoadNetwork:
         """Return a network with the parts of a topology and the outlines of its buildings.
 

@@ -14,6 +14,7 @@ from foresee_exchange.carla.ways import lanes_at, through_of, way_between
 
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
@@ -35,7 +36,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RoadNetwork]:
     """A net whose coordinates were normalised, and the network where CARLA's coordinates have it."""
     file = tmp_path_factory.mktemp("town") / "Town77.net.xml"
     shutil.copy(shifted_net(four_arms(), 150.0, 70.0), file)
-    return file, RoadNetwork.from_net(net_of(four_arms()))
+    return file, read_network(net_of(four_arms()))
 
 
 def sources(folder: Path, network: RoadNetwork, families: str = "34789") -> tuple[list[Path], list[Path]]:
@@ -117,7 +118,7 @@ def test_a_case_runs(imported: tuple[Imported, Path], family: str) -> None:
 def test_the_net_is_moved_back_and_gets_programs(town: tuple[Path, RoadNetwork], tmp_path: Path) -> None:
     net, network = town
     prepare_net(net, tmp_path / "Town77.net.xml")
-    moved = RoadNetwork.from_net(tmp_path / "Town77.net.xml")
+    moved = read_network(tmp_path / "Town77.net.xml")
     assert moved.junctions["j4"].x == pytest.approx(network.junctions["j4"].x, abs=0.01)
     assert 'name="ns_go"' in (tmp_path / "Town77.net.xml").read_text()
 

@@ -23,6 +23,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language.document import TestCase
@@ -85,7 +86,7 @@ def test_every_route_of_a_town_becomes_a_case(carla: Path, tmp_path: Path, town:
 
 
 def test_every_waypoint_of_town10_is_on_a_lane_and_the_flip_matters(carla: Path) -> None:
-    network = RoadNetwork.from_net(foreign_net(carla / "maps" / MAPS["Town10HD"]))
+    network = read_network(foreign_net(carla / "maps" / MAPS["Town10HD"]))
     routes = routes_of(carla, "Town10HD")
     found = ways(network, routes)
     assert len(found) == 120

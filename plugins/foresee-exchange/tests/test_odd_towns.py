@@ -19,7 +19,7 @@ from foresee_exchange.maps import opendrive
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.exchange.bridges import Heights, bridge_notes, bridges
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.loading import bundled_models, load_test_cases
@@ -49,7 +49,7 @@ def motorway(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_road_of_the_right_height_is_meant(overpass: Path) -> None:
     net = foreign_net(overpass)
-    network, heights = RoadNetwork.from_net(net), Heights.of(net)
+    network, heights = read_network(net), Heights.of(net)
     spots = bridges(network, heights)
     assert len(spots) == 4  # two lanes over two
     assert all(math.hypot(one.x, one.y) < 15 for one in spots)
@@ -71,9 +71,9 @@ def test_the_road_of_the_right_height_is_meant(overpass: Path) -> None:
 def test_in_a_flat_net_roads_that_cross_without_a_junction_are_bridges(overpass: Path) -> None:
     net = foreign_net(overpass)
     flat = Heights({lane: (marks, (0.0,) * len(marks)) for lane, (marks, _) in Heights.of(net).lanes.items()})
-    assert len(bridges(RoadNetwork.from_net(net), flat)) == 4
+    assert len(bridges(read_network(net), flat)) == 4
     over = foreign_net(write_map(overpass.parent / "plain.xodr", LOW))
-    assert bridges(RoadNetwork.from_net(over), Heights.of(over)) == ()
+    assert bridges(read_network(over), Heights.of(over)) == ()
 
 
 def test_the_starter_keeps_off_bridges_and_says_that_there_are_some(overpass: Path, tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_routes_of_newer_leaderboards(motorway: Path, tmp_path: Path) -> None:
 def test_places_on_the_way_are_driven_over(tmp_path: Path) -> None:
     """Two ways lead from west to east; the longer one goes over the place between."""
     net = foreign_net(block(tmp_path))
-    network = RoadNetwork.from_net(net)
+    network = read_network(net)
     start, end = pose_of(-90, 1.6, 0), pose_of(290, 1.6, 0)
     assert way_between(network, start, end).edges == ("in", "short", "out")
     over = way_between(network, start, end, [pose_of(100, -98.4, 0)])
@@ -237,14 +237,14 @@ def test_a_way_that_leaves_the_road_is_found(tmp_path: Path) -> None:
     net = block(tmp_path)
     spec = spec_of(bundled_models()["car.sedan"])
     route = CarlaRoute("1", "", "3", pose_of(-90, 1.6, 0), pose_of(290, 1.6, 0), net, 0)
-    sound = place_route(RoadNetwork.from_net(net), route, [], spec, in_order=False)
-    assert strays(RoadNetwork.from_net(net), sound) == (0.0, 0.0, 0.0)
+    sound = place_route(read_network(net), route, [], spec, in_order=False)
+    assert strays(read_network(net), sound) == (0.0, 0.0, 0.0)
     root = ElementTree.parse(net).getroot()
     lane = root.find("edge[@id='short']/lane")
     assert lane is not None
     lane.set("shape", "20.00,-7.60 180.00,-7.60")
     ElementTree.ElementTree(root).write(tmp_path / "broken.net.xml")
-    broken = RoadNetwork.from_net(tmp_path / "broken.net.xml")
+    broken = read_network(tmp_path / "broken.net.xml")
     depth_m, x, _ = strays(broken, place_route(broken, route, [], spec, in_order=False))
     assert depth_m > 0.5
     assert 0 < x < 200

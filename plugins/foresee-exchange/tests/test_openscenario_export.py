@@ -221,10 +221,10 @@ def test_the_way_back_keeps_entities_times_and_places(scenario: Path, exported: 
 def test_the_map_is_where_the_net_is(scenario: Path, exported: Path) -> None:
     """Lanes of the map, read back, lie on those of the net that was driven on."""
     from foresee_dsl.compile.foreign.networks import foreign_net
-    from foresee_dsl.compile.roads.network import RoadNetwork
+    from foresee_dsl.compile.nets.net_reader import read_network
 
     ours = compile_test_case(load_test_case(scenario)).network
-    theirs = RoadNetwork.from_net(foreign_net(exported.with_suffix(".xodr")))
+    theirs = read_network(foreign_net(exported.with_suffix(".xodr")))
     lanes = [lane for edge in ours.edges.values() for lane in edge.for_kind("car")]
     assert len(lanes) == 10
     for lane in lanes:

@@ -17,8 +17,8 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.nets.netconvert import sumo_home
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language.model import AlongEdge, Ego, GoalAt, StartAt
@@ -45,7 +45,7 @@ def test_a_town_has_its_signal_its_roundabout_and_its_one_way_street(town: tuple
         "relations: route": 1,
     }
     net = out / "small_town.net.xml"
-    roads = RoadNetwork.from_net(foreign_net(net))
+    roads = read_network(foreign_net(net))
     ring = [edge for edge in roads.edges if edge.startswith("202#")]
     assert len(ring) == 3
     assert "-205" not in roads.edges  # one way

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.nets.netconvert import sumo_home, without_header
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
@@ -101,7 +102,7 @@ def generate(name: str, folder: Path, seed: int) -> Path:
 
 @lru_cache(maxsize=2)
 def _roads(net_file: Path) -> tuple[RoadNetwork, _Streets]:
-    roads = RoadNetwork.from_net(foreign_net(net_file))
+    roads = read_network(foreign_net(net_file))
     lanes = {edge.id: edge.drivable[0] for edge in roads.edges.values() if edge.for_kind("car")}
     onward = {
         edge: tuple(

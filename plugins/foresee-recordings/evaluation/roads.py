@@ -12,6 +12,7 @@ from foresee_recordings.maps.matching import route_of
 from foresee_recordings.recording import RecordedMap, Track
 
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 
 _ON_ROADS = ("car", "van", "truck", "bus", "motorcycle")
@@ -22,7 +23,7 @@ def network_of(roads: RecordedMap) -> RoadNetwork:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"roads{roads.suffix}"
         file.write_text(roads.text, encoding="utf-8")
-        return RoadNetwork.from_net(foreign_net(file))
+        return read_network(foreign_net(file))
 
 
 def vehicles_on_lanes(tracks: Iterable[Track], roads: RecordedMap, network: RoadNetwork) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from foresee_recordings.recording import RecordingError
 from pyarrow import parquet
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.nets.net_reader import read_network
 
 
 def scenario(folder: Path, **changes: list) -> Path:
@@ -79,7 +79,7 @@ def test_a_scenario_with_its_map(tmp_path: Path) -> None:
     assert recording.roads is not None and recording.roads.suffix == ".net.xml"
     file = tmp_path / "roads.net.xml"
     file.write_text(recording.roads.text)
-    network = RoadNetwork.from_net(foreign_net(file))
+    network = read_network(foreign_net(file))
     assert sum("car" in lane.kinds and not lane.internal for lane in network.lanes.values()) >= 3
 
 

@@ -12,6 +12,7 @@ from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Recording, RecordingError
 
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 
 FILES = Path(__file__).parent / "files"
@@ -29,7 +30,7 @@ def roads_of(recording: Recording, folder: Path) -> RoadNetwork:
     assert recording.roads is not None
     file = folder / f"net{recording.roads.suffix}"
     file.write_text(recording.roads.text, encoding="utf-8")
-    return RoadNetwork.from_net(foreign_net(file))
+    return read_network(foreign_net(file))
 
 
 def changed(folder: Path, old: str, new: str, count: int = 1) -> Path:

@@ -21,6 +21,7 @@ from foresee_recordings.recording import Recording
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import InputError
 from foresee_dsl.exchange.network_parts import heads_of
@@ -79,7 +80,7 @@ def test_commonroad_reads_back_with_its_lanelets(run: Recording, tmp_path: Path)
     assert back.track("1").kind == "car" and back.roads is not None
     net = tmp_path / "roads.net.xml"
     net.write_text(back.roads.text)
-    network = RoadNetwork.from_net(foreign_net(net))
+    network = read_network(foreign_net(net))
     ego = back.track("1").states[0, :2] + back.roads.offset
     nearest = min(np.hypot(*(np.asarray(lane.shape)[:, :2] - ego).T).min() for lane in network.lanes.values())
     assert nearest < 60.0

@@ -12,7 +12,7 @@ from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Track
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.nets.net_reader import read_network
 
 FILES = Path(__file__).parent / "files"
 
@@ -40,7 +40,7 @@ def test_a_road_runs_along_each_way_that_vehicles_take(tmp_path: Path) -> None:
     assert roads.notes[0] == "the recording has no map: 3 roads are guessed from the tracks of 4 vehicles"
     file = tmp_path / "guessed.net.xml"
     file.write_text(roads.text, encoding="utf-8")
-    network = RoadNetwork.from_net(foreign_net(file))
+    network = read_network(foreign_net(file))
     assert sorted(lane.width_m for lane in network.lanes.values()) == [3.5, 3.5, 4.0]
     assert not network.faults
     assert route_of(tracks[0], network) == route_of(tracks[1], network)

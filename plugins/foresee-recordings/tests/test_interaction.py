@@ -16,6 +16,7 @@ from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import RecordedMap, RecordingError
 
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 
 DATA = Path(__file__).parent / "files" / "interaction"
@@ -28,7 +29,7 @@ def network(roads: RecordedMap, folder: Path) -> RoadNetwork:
     """Return the network as a scenario gets it, which includes that SUMO loads it."""
     file = folder / f"net{roads.suffix}"
     file.write_text(roads.text, encoding="utf-8")
-    return RoadNetwork.from_net(foreign_net(file))
+    return read_network(foreign_net(file))
 
 
 def test_vehicles_and_pedestrians_are_read_with_the_map_of_their_place() -> None:

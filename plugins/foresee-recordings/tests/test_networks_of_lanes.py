@@ -18,6 +18,7 @@ from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import RecordedMap, RecordingError
 
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 
 FILES = Path(__file__).parent / "files"
@@ -39,7 +40,7 @@ def network(roads: RecordedMap, folder: Path) -> RoadNetwork:
     """Return the network as a scenario gets it, which includes that SUMO loads it."""
     file = folder / "lanes.net.xml"
     file.write_text(roads.text, encoding="utf-8")
-    return RoadNetwork.from_net(foreign_net(file))
+    return read_network(foreign_net(file))
 
 
 def test_a_long_lane_is_a_road_except_near_its_crossing(tmp_path: Path) -> None:

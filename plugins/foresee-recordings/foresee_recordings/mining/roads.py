@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import shapely
 
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.language import model as m
@@ -40,13 +41,13 @@ def _network_of(text: str, suffix: str) -> RoadNetwork:
         file = Path(folder) / f"roads{suffix}"
         file.write_text(text, encoding="utf-8")
         if suffix != ".foresee":
-            return RoadNetwork.from_net(foreign_net(file))
+            return read_network(foreign_net(file))
         model = load(file).model
         if not isinstance(model, m.Network):
             raise RecordingError("the map is not a network of the language")
         net = Path(folder) / "built.net.xml"
         build_network(model, net)
-        return RoadNetwork.from_net(net, buildings_of(model))
+        return read_network(net, buildings_of(model))
 
 
 def ground_around(traffic: Traffic, bounds: tuple[float, float, float, float]) -> Ground:

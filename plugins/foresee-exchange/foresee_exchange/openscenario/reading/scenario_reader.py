@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.placement.statements import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.outcome import ExchangeError
@@ -61,7 +62,7 @@ class NowhereError(SourceError):
 def _network(path: Path, changed_ns: int) -> RoadNetwork:
     """Return a network, cached because all value sets of a variation share it."""
     del changed_ns
-    return RoadNetwork.from_net(foreign_net(path))
+    return read_network(foreign_net(path))
 
 
 @lru_cache(maxsize=2)
