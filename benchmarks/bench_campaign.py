@@ -15,7 +15,6 @@ from benchmarks.figures import Figure, peak_mb
 from foresee_dsl.campaign import records
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -25,6 +24,7 @@ from foresee_dsl.campaign.steps.inputs import load_case
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.step import AnyStep, StepResult, Work
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 

@@ -17,8 +17,8 @@ import foresee_dsl
 from benchmarks.figures import Figure, costs, cpu_of
 from benchmarks.library import ADDRESSES, AFTER_S, BEFORE_S
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.processes import adopt_orphans
 from foresee_dsl.campaign.steps.forecast import clip_around
+from foresee_dsl.campaign.workers.processes import adopt_orphans
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import load_ranker

@@ -17,10 +17,10 @@ from pathlib import Path
 from benchmarks.figures import Figure, costs, peak_mb
 from benchmarks.library import cases
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.isolation import Worker
-from foresee_dsl.campaign.execution.pool import RunOptions, WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.isolation import Worker
+from foresee_dsl.campaign.workers.pool import RunOptions, WorkerPool
 
 ROUNDS = 3
 SETTINGS = CampaignSettings(ranker="foresee", preset="focused", repeat=2)

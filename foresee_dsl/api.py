@@ -17,10 +17,10 @@ from foresee_dsl.campaign.conformance.records import Conformance
 from foresee_dsl.campaign.conformance.suite import conform as _conform
 from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.consent import allowing
 from foresee_dsl.drivers.protocol import Driver

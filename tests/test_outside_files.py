@@ -141,7 +141,7 @@ def test_files_are_opened_in_one_place() -> None:
         "compile/templates.py", "compile/foreign/networks.py",
         "simulate/sumo_start.py", "campaign/import_closure.py", "campaign/keys.py", "campaign/steps/inputs.py",
         "campaign/folder.py",
-        "campaign/profiling/tasks.py", "campaign/execution/processes.py", "campaign/storage/soundness.py",
+        "campaign/profiling/tasks.py", "campaign/workers/processes.py", "campaign/storage/soundness.py",
         "language/syntax/grammar.py", "language/syntax/phrases.py", "language/codes.py", "report/page/html.py",
         "report/picture/draw.py",
         "weights.py", "selforacle/watcher.py", "faults/evidence.py", "maps/opendrive.py",

@@ -13,11 +13,11 @@ from typing import Any
 from benchmarks.scale.actors import power
 from benchmarks.sections import table
 from foresee_dsl.campaign.execution.engine import Listener, run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions, WorkerPool
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.workers.pool import RunOptions, WorkerPool
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.report.page.html import write_report

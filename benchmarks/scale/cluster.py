@@ -12,11 +12,11 @@ from pathlib import Path
 
 from benchmarks.library import cases
 from benchmarks.sections import table
-from foresee_dsl.campaign.execution.cluster import dask
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions, local
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.cluster import dask
+from foresee_dsl.campaign.workers.pool import RunOptions, local
 
 WORKERS = (2, 4, 8)
 SETTINGS = CampaignSettings(ranker="foresee", preset="focused", repeat=2, against=())

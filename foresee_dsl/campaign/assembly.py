@@ -13,7 +13,7 @@ from typing import TypedDict, assert_never
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.campaign.allocation.rounds import FIRST_WHY
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.findings.grouping import findings_of
+from foresee_dsl.campaign.grouping import findings_of
 from foresee_dsl.campaign.records import (
     CaseRunOutcome,
     ChildOutcome,

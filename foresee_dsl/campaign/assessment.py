@@ -11,8 +11,8 @@ from itertools import groupby
 import numpy as np
 
 from foresee_dsl.campaign.driving import DriverSetup, TimedDriver, longest_s
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run, or_driver_error
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines

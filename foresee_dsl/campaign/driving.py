@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.execution.processes import end_below_this
+from foresee_dsl.campaign.workers.processes import end_below_this
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.external.process import kept_programs

@@ -11,8 +11,8 @@ from functools import cached_property
 from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.findings.grouping import Finding, family_order, findings_of, in_order
 from foresee_dsl.campaign.goal import GoalCounts
+from foresee_dsl.campaign.grouping import Finding, family_order, findings_of, in_order
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within

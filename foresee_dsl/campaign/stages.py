@@ -15,7 +15,6 @@ from foresee_dsl.campaign import steps
 from foresee_dsl.campaign.allocation.earlier import EarlierMutants
 from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
-from foresee_dsl.campaign.execution.pool import Task
 from foresee_dsl.campaign.goal import with_goal
 from foresee_dsl.campaign.keys import judged_identity, key, operators_identity, ranker_identity
 from foresee_dsl.campaign.records import decode
@@ -29,6 +28,7 @@ from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import AnyStep, ClipPart, KeyInputs, Step, StepNode, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
+from foresee_dsl.campaign.workers.pool import Task
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.execution.engine import Listener
-    from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.plan import CampaignPlan
     from foresee_dsl.campaign.profiling.profile import Profile
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.campaign.workers.pool import RunOptions
     from foresee_dsl.language.document import TestCase
     from foresee_dsl.report.terminal.live import JsonLog
 
@@ -95,9 +95,9 @@ def campaign(
     from functools import partial
 
     from foresee_dsl.campaign.execution.engine import StoredCounts
-    from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.campaign.workers.pool import RunOptions
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.page.running import RunningPage
     from foresee_dsl.report.terminal.live import FirstFailure, progress

@@ -17,8 +17,8 @@ from pydantic import TypeAdapter
 from foresee_dsl.campaign.assessment import Assessment
 from foresee_dsl.campaign.conformance.records import Conformance
 from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
-from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.findings.sureness import Sureness
+from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.plan import CampaignPlan
 from foresee_dsl.campaign.profiling.profile import Profile
 from foresee_dsl.campaign.records import Minimised

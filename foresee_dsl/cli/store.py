@@ -47,6 +47,7 @@ def store(
     foresee store export --to runs.parquet
     foresee store merge part1/store part2/store --into out/store[/dim]
     """
+    from foresee_dsl.campaign.stages import STEPS
     from foresee_dsl.campaign.storage.maintenance import export, merge, statistics, sweep
     from foresee_dsl.campaign.storage.store import Store
 
@@ -64,7 +65,7 @@ def store(
     folder = stores[0]
     if action == "stat":
         with Store(folder, write=False) as opened:
-            statistics_of_store = statistics(opened)
+            statistics_of_store = statistics(opened, [step.kind for step in STEPS])
         if json:
             print_json(statistics_of_store)
         else:

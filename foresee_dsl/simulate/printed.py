@@ -1,6 +1,6 @@
 """Collects a driver's output in a file: the standard output and error of Python and C code in this process.
 
-Worker processes use it (`campaign.execution.isolation`), so that a driver's output cannot get into a report or into
+Worker processes use it (`campaign.workers.isolation`), so that a driver's output cannot get into a report or into
 JSON. Other processes do not redirect output.
 """
 

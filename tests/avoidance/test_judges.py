@@ -17,9 +17,9 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157, Failure, Judge, Judg
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import reference_run
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import ChildOutcome, decode, encode
 from foresee_dsl.campaign.steps.explanations import explained
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.campaign.written import read_campaign_folder
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.document import TestCase

@@ -22,12 +22,12 @@ from foresee_dsl.campaign.allocation.adaptive import (
 )
 from foresee_dsl.campaign.allocation.draws import ChildFacts, DrawMethod, PastChild
 from foresee_dsl.campaign.allocation.rounds import Round, spread
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import Shard
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.maintenance import merge
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.documents import plain
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project

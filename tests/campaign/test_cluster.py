@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 
-from foresee_dsl.campaign.execution.cluster import ClusterError, DaskExecutor, dask
-from foresee_dsl.campaign.execution.pool import BrokenTask, RunOptions, Task
 from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.workers.cluster import ClusterError, DaskExecutor, dask
+from foresee_dsl.campaign.workers.pool import BrokenTask, RunOptions, Task
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 
 distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
@@ -91,7 +91,7 @@ def test_the_same_results_when_a_worker_is_killed_half_way(cluster: Any, tmp_pat
 
 
 def test_no_scheduler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foresee_dsl.campaign.execution.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("foresee_dsl.campaign.workers.cluster.CONNECT_S", 0.5)
     with pytest.raises(ClusterError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
         DaskExecutor("tcp://127.0.0.1:9")
 

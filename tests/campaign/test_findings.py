@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from foresee_dsl.campaign.findings.grouping import findings_of
+from foresee_dsl.campaign.grouping import findings_of
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import CampaignLimits, Shard
@@ -17,6 +16,7 @@ from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.storage.maintenance import merge
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.consent import allow
 from foresee_dsl.language.project.loading import load_test_cases

@@ -8,8 +8,8 @@ import sys
 import time
 from pathlib import Path
 
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.execution.processes import started_by
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
+from foresee_dsl.campaign.workers.processes import started_by
 
 GROWS = "import os, time; x = bytearray(400_000_000); print(os.getpid(), flush=True); time.sleep(60)"
 LEAVES = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True)"

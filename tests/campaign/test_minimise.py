@@ -19,11 +19,11 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Whose
-from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.checked_files import check_paths

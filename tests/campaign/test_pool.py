@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, TaskPart, WorkerPool
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, TaskPart, WorkerPool
 
 
 def outcomes(jobs: int, tasks: Iterable[Task], **limits: float) -> dict[str, object]:

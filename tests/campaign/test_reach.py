@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.mutate import Mutator

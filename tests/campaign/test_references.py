@@ -11,12 +11,12 @@ import pytest
 from foresee_dsl.avoidance.comparison import SAME_PLACE_M, compared
 from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import Allocation
 from foresee_dsl.campaign.steps.case_reference import drive_failure
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
 from foresee_dsl.language.document import TestCase

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.findings.grouping import TELLING_WORDS, TITLE_WORDS
+from foresee_dsl.campaign.grouping import TELLING_WORDS, TITLE_WORDS
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.process_state import ProcessState, put_back
 from tests.campaign.test_isolation import alive
 from tests.support import bad_driver

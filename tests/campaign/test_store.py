@@ -199,8 +199,9 @@ def test_statistics_and_tables(tmp_path: Path) -> None:
         store.add(row("k1", "seed", verdict="pass", simulated_s=2.5), b"trace")
         store.add(row("k2", verdict="F4"))
         store.add(row("k3", verdict="crash", broken=True))
-        found = statistics(store)
+        found = statistics(store, ("seed", "child"))
         assert found.kinds == {"seed": {"pass": 1}, "child": {"F4": 1, "crash": 1}}
+        assert list(found.kinds) == ["seed", "child"] == list(reversed(statistics(store, ("child",)).kinds))
         assert (found.broken, found.traces, found.trace_bytes, found.simulated_s) == (1, 1, 5, 2.5)
         assert export(store, tmp_path / "t.csv") == 3
         with (tmp_path / "t.csv").open(newline="") as stream:

@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign import keys
-from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.settings import CampaignLimits
 from foresee_dsl.campaign.storage.maintenance import sweep
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.cli import app
 from tests.support.small_campaign import SMALL, campaign, published, write_project
 

@@ -15,7 +15,6 @@ from foresee_dsl.campaign.allocation.earlier import EarlierMutants
 from foresee_dsl.campaign.allocation.rounds import METHODS
 from foresee_dsl.campaign.allocation.stories import Archive, Estimates, Stories
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.findings.review import review_of
 from foresee_dsl.campaign.plan import plan_campaign
@@ -23,6 +22,7 @@ from foresee_dsl.campaign.regression.keeping import keep, source_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.derive.local_search import WEAKER, weaker_changes
 from foresee_dsl.derive.mutate import How
 from foresee_dsl.errors import ForeseeError

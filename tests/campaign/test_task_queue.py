@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from foresee_dsl.campaign.execution.pool import TaskQueue
+from foresee_dsl.campaign.workers.pool import TaskQueue
 
 TOWN, VILLAGE = "town", "village"
 

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task
 from foresee_dsl.campaign.execution.runs import broken_run
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task
 from foresee_dsl.report.verdicts import verdicts_line
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunRecord, Verdict
 

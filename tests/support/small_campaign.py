@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.execution.engine import Listener, run_campaign
-from foresee_dsl.campaign.execution.pool import Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.workers.pool import Executor, RunOptions, TaskPart, Update
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.trace import Trace
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from foresee_dsl.campaign.findings.grouping import story_cell
+from foresee_dsl.campaign.grouping import story_cell
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RequestedMutant, RoundRequest

@@ -1,6 +1,6 @@
 """The allocation `stories`: mutants go where they may still add something to an archive with one cell for each story.
 
-A cell is a finding: failures are grouped by the same words (`findings.grouping.story_cell`). An *arm* is a clip with a
+A cell is a finding: failures are grouped by the same words (`grouping.story_cell`). An *arm* is a clip with a
 way of drawing. Its expected gain is the probability that its next mutant fails, times what a failure there may add:
 most for a new story, less for the first avoidable failure of a known one, little for a weaker change. Each mutant goes
 to the arm with the largest expected gain, and what it is expected to find counts before it has run.

@@ -16,9 +16,9 @@ import numpy as np
 from foresee_dsl.campaign.conformance.records import Check, CheckStatus, Conformance, ConformanceCase, StepTimes
 from foresee_dsl.campaign.conformance.runs import LIMITS, ExaminedDriver, Handover, ObservedRun, OneProcess
 from foresee_dsl.campaign.driving import REMEMBERS, longest_s
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run, broken_verdict
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.parts import DriverPart, ideal_parts, with_ideal
 from foresee_dsl.drivers.protocol import OwnDeadline

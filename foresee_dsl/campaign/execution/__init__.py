@@ -1,1 +1,1 @@
-"""Execution of a campaign's tasks in worker processes, here or on a Dask cluster."""
+"""Execution of a campaign's steps, and of single test cases, in worker processes."""

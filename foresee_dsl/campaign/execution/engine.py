@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
 from foresee_dsl.campaign.assembly import assemble, choose_representatives
-from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.repeats import repeated
 from foresee_dsl.campaign.folder import CampaignFolder
@@ -29,6 +28,7 @@ from foresee_dsl.campaign.stages import CaseFiles, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.step import StepNode, StepResult
 from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.workers.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.document import TestCase

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from foresee_dsl.campaign.driving import DriverSetup, longest_s, sensors_of
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import DriverError

@@ -13,8 +13,8 @@ from typing import Any
 
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
 from foresee_dsl.campaign.driving import DriverSetup, recorded_setup
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.written import read_written
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.documents import plain

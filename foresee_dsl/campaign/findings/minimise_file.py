@@ -8,7 +8,6 @@ from typing import Self
 
 from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import DriverSetup, recorded_setup, relative_path
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.keys import judged_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
@@ -17,6 +16,7 @@ from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import risk_hash
 from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised
 from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
 from foresee_dsl.drivers.consent import refuse_programs

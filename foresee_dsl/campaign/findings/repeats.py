@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from foresee_dsl.campaign.driving import DriverSetup, longest_s
-from foresee_dsl.campaign.execution.pool import BrokenTask, RunOptions, Task, WorkerPool
-from foresee_dsl.campaign.findings.grouping import Finding
+from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.keys import key
 from foresee_dsl.campaign.records import CaseRunOutcome, Repeats, decode, encode
 from foresee_dsl.campaign.results import CampaignResult
@@ -20,6 +19,7 @@ from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import StepNode
 from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.workers.pool import BrokenTask, RunOptions, Task, WorkerPool
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.simulate.trace import Trace

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.campaign.driving import DriverSetup, longest_s
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.findings.diagnosing import Failing
 from foresee_dsl.campaign.findings.sureness import SEED, SEEDS, SIDE, Edge, HeatMap, Region, Sureness
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.derive.minimise.boundary import NEIGHBOURS, ValueGrid, grid_of
 from foresee_dsl.drivers.deadlines import DEADLINES
 from foresee_dsl.errors import ForeseeError, InputError

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from foresee_dsl import measuring
-from foresee_dsl.campaign.execution.pool import Executor, RunOptions, Task, TaskPart, Update
 from foresee_dsl.campaign.profiling.clock import Clock, Measurement
 from foresee_dsl.campaign.profiling.profile import Profile
+from foresee_dsl.campaign.workers.pool import Executor, RunOptions, Task, TaskPart, Update
 from foresee_dsl.measuring import Part
 
 T = TypeVar("T")

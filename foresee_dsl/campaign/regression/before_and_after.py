@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import recorded_setup
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.repinning.repin import DerivedFile

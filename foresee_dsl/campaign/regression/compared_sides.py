@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.driving import DriverSetup
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, JudgedRun
 from foresee_dsl.campaign.regression.comparison import ComparedRun, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import LONGEST_S
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.documents import plain, read_record
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_driver

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.regression.edits import line_of, with_expected
 from foresee_dsl.campaign.regression.expectations import (
@@ -24,6 +23,7 @@ from foresee_dsl.campaign.regression.expectations import (
     names_of,
 )
 from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in, write_index
+from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver

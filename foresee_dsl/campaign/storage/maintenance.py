@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.storage.store import Store, StoreError
 
 TABLE = (
@@ -42,11 +41,10 @@ class Statistics:
     wall_s: float
 
 
-def statistics(store: Store) -> Statistics:
-    """Return counts of a store's contents."""
+def statistics(store: Store, order: Sequence[str]) -> Statistics:
+    """Return counts of a store's contents. `order`: the kinds of steps in their order; any other kind comes last."""
     kinds: dict[str, dict[str, int]] = {}
     counts = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
-    order = [step.kind for step in STEPS]
     for kind, verdict, count in sorted(counts, key=lambda row: order.index(row[0]) if row[0] in order else len(order)):
         kinds.setdefault(kind, {})[verdict] = count
     sizes = [file.stat().st_size for name, file in store.blobs.files() if name]

@@ -22,9 +22,9 @@ from foresee_dsl.cli.options import common
 from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.execution.pool import Executor, RunOptions
     from foresee_dsl.campaign.settings import Shard
     from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.campaign.workers.pool import Executor, RunOptions
     from foresee_dsl.drivers.protocol import Driver
 
 CPUS = os.cpu_count() or 1
@@ -429,10 +429,10 @@ _SHOWN = 5
 
 def executor_of(name: str, scheduler: str, dashboard: str = "") -> Callable[[RunOptions], Executor]:
     """Return the factory of the executor that `--executor`, `--scheduler` and `--dashboard` select."""
-    from foresee_dsl.campaign.execution.pool import local
+    from foresee_dsl.campaign.workers.pool import local
 
     if name == "dask":
-        from foresee_dsl.campaign.execution.cluster import dask
+        from foresee_dsl.campaign.workers.cluster import dask
 
         return dask(scheduler, dashboard=dashboard)
     if name != "local":

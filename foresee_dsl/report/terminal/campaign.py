@@ -19,8 +19,8 @@ from rich.console import Console
 from rich.text import Text
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Whose
-from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.goal import GoalCounts
+from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.campaign.triage.standing import Standing, standing_of

@@ -14,7 +14,7 @@ from typing import Any
 from rich.text import Text
 
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.findings.grouping import Finding
+from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.report.safe_text import safe

@@ -19,12 +19,12 @@ from foresee_study.halves import Half, of_half
 
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.execution.engine import run_missing
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import Allocation, CampaignSettings
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.registry import handover_of, load_driver
 from foresee_dsl.language.project.loading import load_test_cases

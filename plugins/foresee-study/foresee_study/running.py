@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.campaign.execution.engine import Listener, run_missing
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.settings import Shard
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.forecast.protocol import Learned

@@ -24,8 +24,8 @@ from foresee_study.fuzz.settings import FARTHEST_M, NEAREST_M, FuzzSettings
 from foresee_study.fuzz.texts import file_text, original_of, text_of
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.errors import ForeseeError

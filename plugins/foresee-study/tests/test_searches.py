@@ -27,9 +27,9 @@ from foresee_study.settings import StudyCampaign
 from foresee_study.tables.searches import rates, searches, techniques, within
 
 from foresee_dsl.campaign.execution.engine import run_missing
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import ChildOutcome, decode
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.mutate import Mutator
 from foresee_dsl.derive.operators import Situation, operators

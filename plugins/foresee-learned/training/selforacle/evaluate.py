@@ -23,11 +23,11 @@ from scipy.stats import spearmanr
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Surroundings

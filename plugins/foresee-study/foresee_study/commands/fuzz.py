@@ -71,9 +71,9 @@ def fuzz(
     """
     from contextlib import ExitStack
 
-    from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.storage.lock import only_writer
     from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.campaign.workers.pool import RunOptions
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.drivers.registry import find_driver
     from foresee_dsl.errors import InputError

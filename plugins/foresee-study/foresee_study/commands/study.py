@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.settings import Allocation
+    from foresee_dsl.campaign.workers.pool import RunOptions
     from foresee_dsl.language.document import TestCase
     from foresee_study.folder import Cost, StudyFolder
     from foresee_study.halves import Half
@@ -217,7 +217,7 @@ def study(
     if plan:
         _plan(names, settings, groups, store or folder.store, form=format_, jobs=jobs)
         return
-    from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.campaign.workers.pool import RunOptions
     from foresee_study.statistics.effects import lacks_statsmodels
 
     options = RunOptions(

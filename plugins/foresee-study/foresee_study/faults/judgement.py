@@ -18,7 +18,6 @@ from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.driving import DriverSetup, run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -26,6 +25,7 @@ from foresee_dsl.campaign.steps.case_reference import drive_failure
 from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.document import TestCase

@@ -20,13 +20,13 @@ from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.execution.engine import run_campaign
-from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.campaign.keys import driver_identity, step_code
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.step import StepResult, Work, run_steps
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.document import TestCase
 from foresee_study.faults.evidence import (

@@ -20,11 +20,11 @@ from pathlib import Path
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import case_name, longest_s
 from foresee_dsl.campaign.execution.engine import Listener
-from foresee_dsl.campaign.execution.pool import BrokenTask, Executor, RunOptions, Task, Update
 from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.import_closure import DIGITS
 from foresee_dsl.campaign.keys import driver_identity, step_code
 from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.workers.pool import BrokenTask, Executor, RunOptions, Task, Update
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.document import TestCase

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import Any, Literal, Self
 
-from foresee_dsl.campaign.execution.isolation import ProcessEnding, Task, Worker
-from foresee_dsl.campaign.execution.processes import MOST, memory_mb, started_by
 from foresee_dsl.campaign.settings import CampaignLimits, Shard
+from foresee_dsl.campaign.workers.isolation import ProcessEnding, Task, Worker
+from foresee_dsl.campaign.workers.processes import MOST, memory_mb, started_by
 
 Priority = tuple[int, ...]
 Shares = tuple[str, ...]

@@ -23,9 +23,9 @@ from itertools import chain
 from multiprocessing.connection import Connection
 from typing import Any
 
-from foresee_dsl.campaign.execution.isolation import Task, end_with
-from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, BrokenTask, Executor, RunOptions, Update, WorkerPool
 from foresee_dsl.campaign.settings import CampaignLimits
+from foresee_dsl.campaign.workers.isolation import Task, end_with
+from foresee_dsl.campaign.workers.pool import BATCH, DEATHS, BrokenTask, Executor, RunOptions, Update, WorkerPool
 from foresee_dsl.errors import ForeseeError
 
 _TICK_S = 0.2
@@ -157,7 +157,7 @@ class _Host:
         self._free: queue.SimpleQueue[Connection] = queue.SimpleQueue()
         passed = [theirs.fileno() for _, theirs in pipes]
         arguments = map(str, (line, memory_mb, *passed))
-        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", *arguments]
+        command = [sys.executable, "-m", "foresee_dsl.campaign.workers.cluster", *arguments]
         # Standard output belongs to the report (`--json`); prints of drivers go to standard error.
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, our own module
             command, stdin=subprocess.DEVNULL, stdout=2, pass_fds=[line, *passed], start_new_session=True

@@ -29,7 +29,7 @@ from multiprocessing.reduction import DupFd
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from foresee_dsl.campaign.execution.processes import (
+from foresee_dsl.campaign.workers.processes import (
     adopt_orphans,
     end_orphans,
     end_session,
@@ -41,7 +41,7 @@ from foresee_dsl.drivers.process_state import changes_here
 from foresee_dsl.simulate.driver_faults import place_in_dump
 from foresee_dsl.simulate.printed import keep_prints, read_all, shortened
 
-PRELOAD = ("foresee_dsl.campaign.execution.fork_server", "foresee_dsl.campaign.execution.preloading")
+PRELOAD = ("foresee_dsl.campaign.workers.fork_server", "foresee_dsl.campaign.execution.preloading")
 """Modules that the fork server imports once, so that new workers start quickly."""
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that limit the threads of libraries to one: there is a worker per core already."""

@@ -1,0 +1,1 @@
+"""Worker processes that run tasks of a campaign, here or on a Dask cluster."""
