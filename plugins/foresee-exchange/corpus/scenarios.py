@@ -9,9 +9,9 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from foresee_exchange.openscenario.losses import Losses, SourceError
 from foresee_exchange.openscenario.reading import importer
 from foresee_exchange.openscenario.reading.entities import Entity, read_participants
-from foresee_exchange.openscenario.reading.losses import Losses, SourceError
 from foresee_exchange.openscenario.reading.source import Source, read_source
 
 from corpus.player import play

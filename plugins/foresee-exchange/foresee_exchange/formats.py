@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.exchange.protocol import AllowOutside, Option, OutFolder, RunDriver, RunSeed, Tell
-from foresee_exchange.openscenario.reading.losses import Coordinates
+from foresee_exchange.openscenario.losses import Coordinates
 
 if TYPE_CHECKING:
     from foresee_exchange.maps.cutting import Part

@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 import pytest
+from foresee_exchange.openscenario.losses import SourceError
 from foresee_exchange.openscenario.reading import importer
-from foresee_exchange.openscenario.reading.losses import SourceError
 from foresee_exchange.openscenario.reading.roads import RoadPlace, Roads
 from foresee_exchange.openscenario.reading.ways.held_up import lane_ahead
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from foresee_exchange.openscenario.losses import NotExpressed
 from foresee_exchange.openscenario.reading import importer
-from foresee_exchange.openscenario.reading.losses import NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.roads import Roads
 from foresee_exchange.openscenario.reading.ways.curves import vertices

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_exchange.openscenario.losses import SourceError
 from foresee_exchange.openscenario.reading import importer
 from foresee_exchange.openscenario.reading.expressions import value_of
-from foresee_exchange.openscenario.reading.losses import SourceError
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.driving import run_test_case

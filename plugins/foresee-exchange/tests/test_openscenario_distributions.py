@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from foresee_exchange.openscenario.losses import SourceError
 from foresee_exchange.openscenario.reading import importer
-from foresee_exchange.openscenario.reading.losses import SourceError
 
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language import model as m

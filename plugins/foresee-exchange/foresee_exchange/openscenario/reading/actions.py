@@ -11,9 +11,10 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import all_actions
 from foresee_exchange.naming import number, quantity
+from foresee_exchange.openscenario.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.conditions import Step
 from foresee_exchange.openscenario.reading.entities import EntityState
-from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
+from foresee_exchange.openscenario.reading.lane_changes import over_the_middle
 from foresee_exchange.openscenario.reading.places import Places, lane_beside
 from foresee_exchange.openscenario.reading.relations import (
     RELATED,
@@ -23,7 +24,6 @@ from foresee_exchange.openscenario.reading.relations import (
     synchrony_of,
 )
 from foresee_exchange.openscenario.reading.storyboard import Event
-from foresee_exchange.openscenario.reading.ways.lane_changes import over_the_middle
 from foresee_exchange.openscenario.reading.ways.trajectories import SpeedProfile
 
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")

@@ -16,10 +16,10 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.language import model as m
 from foresee_exchange.naming import number, quantity
+from foresee_exchange.openscenario.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.actions import from_the_start, speed_changes
 from foresee_exchange.openscenario.reading.conditions import RemainingWay
 from foresee_exchange.openscenario.reading.entities import Entity, EntityState
-from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, point_of
 from foresee_exchange.openscenario.reading.source import Source
 from foresee_exchange.openscenario.reading.ways import trajectories as tracks

@@ -18,9 +18,9 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_exchange.naming import number, quantity
+from foresee_exchange.openscenario.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.beginnings import Beginning, holds_at_start
 from foresee_exchange.openscenario.reading.entities import Entity
-from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, point_of
 
 Op = Literal["<", "<=", ">", ">="]

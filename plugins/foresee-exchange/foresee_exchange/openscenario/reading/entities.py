@@ -16,7 +16,7 @@ from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
 from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.units import Dimension
 from foresee_exchange.naming import distinct_name, name_of, number, quantity, sentence
-from foresee_exchange.openscenario.reading.losses import Losses, SourceError
+from foresee_exchange.openscenario.losses import Losses, SourceError
 from foresee_exchange.openscenario.reading.source import Source
 from foresee_exchange.openscenario.reading.ways.trajectories import SpeedProfile
 from foresee_exchange.openscenario.writing.participants import BRAKING, CATEGORIES, CRUISE, MODEL, STEER_RATE, WALKS

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from foresee_exchange.openscenario.reading.losses import SourceError
+from foresee_exchange.openscenario.losses import SourceError
 
 _LONGEST = 500
 _PARAMETER = re.compile(r"\$([A-Za-z_][\w.]*)")

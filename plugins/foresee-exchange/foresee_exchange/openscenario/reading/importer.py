@@ -17,13 +17,13 @@ from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_togethe
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_exchange.naming import name_of
+from foresee_exchange.openscenario.losses import Coordinates, Losses, SourceError
 from foresee_exchange.openscenario.reading.entities import (
     Requirements,
     possible_egos,
     read_participants,
     strengthened,
 )
-from foresee_exchange.openscenario.reading.losses import Coordinates, Losses, SourceError
 from foresee_exchange.openscenario.reading.scenario_reader import NowhereError, ScenarioReader
 from foresee_exchange.openscenario.reading.source import Source, declared_names, network_file, read_source
 from foresee_exchange.openscenario.reading.variations.distributions import (

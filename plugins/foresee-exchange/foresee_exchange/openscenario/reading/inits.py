@@ -10,8 +10,8 @@ from foresee_dsl.compile.placement.scene import DRY_FRICTION, WET_FRICTION
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 from foresee_exchange.naming import number, quantity
+from foresee_exchange.openscenario.losses import Losses
 from foresee_exchange.openscenario.reading.actions import ROUTING, action_name
-from foresee_exchange.openscenario.reading.losses import Losses
 from foresee_exchange.openscenario.reading.source import Source
 from foresee_exchange.openscenario.reading.storyboard import Event
 from foresee_exchange.openscenario.writing.participants import CLEAR_M

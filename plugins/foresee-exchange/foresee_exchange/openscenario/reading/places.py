@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.language import model as m
 from foresee_exchange.naming import number, quantity
-from foresee_exchange.openscenario.reading.losses import NotExpressed, SourceError
+from foresee_exchange.openscenario.losses import NotExpressed, SourceError
 from foresee_exchange.openscenario.reading.roads import RoadPlace, Roads
 
 _Found = TypeVar("_Found")

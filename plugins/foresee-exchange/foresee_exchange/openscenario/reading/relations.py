@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.actions import WIDEST_LINE_M
 from foresee_exchange.naming import number, quantity
+from foresee_exchange.openscenario.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.entities import EntityState
-from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places, point_of
 
 RELATED = ("LaneOffsetAction", "LateralDistanceAction", "LongitudinalDistanceAction", "SynchronizeAction")

@@ -18,7 +18,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap, number
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.errors import CompileError
-from foresee_exchange.openscenario.reading.losses import SourceError
+from foresee_exchange.openscenario.losses import SourceError
 
 _STEP_M = 2.0
 """Sampling distance of reference lines for the search of a point's road, m (ours: within 0.03 m of arcs of 20 m radius;

@@ -19,6 +19,7 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import all_actions
 from foresee_exchange.naming import number, quantity, sentence
+from foresee_exchange.openscenario.losses import Coordinates, Losses, NotExpressed, SourceError
 from foresee_exchange.openscenario.reading.actions import ROUTING, TriggerBuilder
 from foresee_exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
 from foresee_exchange.openscenario.reading.beginnings import Beginning
@@ -29,7 +30,6 @@ from foresee_exchange.openscenario.reading.entities import (
     Requirements,
 )
 from foresee_exchange.openscenario.reading.inits import Inits
-from foresee_exchange.openscenario.reading.losses import Coordinates, Losses, NotExpressed, SourceError
 from foresee_exchange.openscenario.reading.places import Places, positions_of
 from foresee_exchange.openscenario.reading.roads import Roads
 from foresee_exchange.openscenario.reading.source import Source

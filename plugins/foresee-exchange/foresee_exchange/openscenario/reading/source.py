@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.addresses import is_inside, project_folder
+from foresee_exchange.openscenario.losses import SourceError
 from foresee_exchange.openscenario.reading.expressions import value_of
-from foresee_exchange.openscenario.reading.losses import SourceError
 
 WHAT = "an OpenSCENARIO file"
 _MOST_CATALOGUES = 200

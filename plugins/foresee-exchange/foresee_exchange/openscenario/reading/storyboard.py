@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 from foresee_exchange.naming import number
+from foresee_exchange.openscenario.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.conditions import ConditionReader, NeverStarts, Step
-from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.source import Source
 
 _AT_START = ("startTransition", "runningState")

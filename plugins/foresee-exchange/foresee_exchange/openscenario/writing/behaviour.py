@@ -18,7 +18,7 @@ from foresee_dsl.language.logic import TURNED
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.trace import Trace, X, Y
-from foresee_exchange.openscenario.reading.losses import NotExpressed
+from foresee_exchange.openscenario.losses import NotExpressed
 from foresee_exchange.openscenario.writing.keeping import SpeedOrder, notes_of
 from foresee_exchange.openscenario.writing.library import (
     Xosc,

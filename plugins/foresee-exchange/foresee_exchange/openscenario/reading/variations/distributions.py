@@ -14,7 +14,7 @@ import numpy as np
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_exchange.naming import number
-from foresee_exchange.openscenario.reading.losses import SourceError
+from foresee_exchange.openscenario.losses import SourceError
 from foresee_exchange.openscenario.reading.source import WHAT, Source, project_roots
 
 MOST_SETS = 10_000

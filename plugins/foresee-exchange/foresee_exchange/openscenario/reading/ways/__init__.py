@@ -1,1 +1,1 @@
-"""The lines that entities follow: trajectories, curves, lane changes, and paths past slower traffic."""
+"""The lines that entities follow: trajectories, curves, and paths past slower traffic."""

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_exchange.naming import number
-from foresee_exchange.openscenario.reading.losses import NotExpressed
+from foresee_exchange.openscenario.losses import NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 
 _STEP_M = 0.5

@@ -18,7 +18,7 @@ from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.errors import CompileError
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
-from foresee_exchange.openscenario.reading.losses import SourceError
+from foresee_exchange.openscenario.losses import SourceError
 from foresee_exchange.openscenario.reading.roads import RoadPlace, Roads, linked_lane
 from foresee_exchange.openscenario.reading.ways.trajectories import nearest, straight_on
 

@@ -15,7 +15,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_exchange.openscenario.reading.losses import NotExpressed
+from foresee_exchange.openscenario.losses import NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.ways.curves import vertices
 

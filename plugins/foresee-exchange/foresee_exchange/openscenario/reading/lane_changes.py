@@ -13,8 +13,8 @@ from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 from foresee_exchange.naming import quantity
+from foresee_exchange.openscenario.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.entities import EntityState
-from foresee_exchange.openscenario.reading.losses import Losses, NotExpressed
 from foresee_exchange.openscenario.reading.places import Places
 from foresee_exchange.openscenario.reading.ways import trajectories as tracks
 
