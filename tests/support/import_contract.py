@@ -1,5 +1,5 @@
-"""An import contract of our own: no file imports itself by way of others, imports inside functions included, and calls
-of `import_module` with a module's name."""
+"""An import contract of our own: no file and no folder imports itself by way of others, imports inside functions
+included, and calls of `import_module` with a module's name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from importlinter import Contract, ContractCheck, fields, output
 
 
 class NoCircles(Contract):  # type: ignore[misc]  # import-linter has no types for it
-    """Breaks where files of a package import each other in a circle.
+    """Breaks where files of a package import each other in a circle, or where what lies in one folder (its subfolders
+    as wholes, and its files) does.
 
     `facades`: imports that may close a circle, as the importing package only passes on the names of the other when one
     of them is used.
@@ -24,20 +25,34 @@ class NoCircles(Contract):  # type: ignore[misc]  # import-linter has no types f
     facades = fields.SetField(subfield=fields.ImportExpressionField(), required=False, default=set())
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
-        """Look for strongly connected groups of files."""
-        files = [name for name in graph.modules if name.split(".")[0] == self.package]
+        """Look for strongly connected groups of files, and in each folder for imports that close a circle."""
+        files = sorted({self.package} | graph.find_descendants(self.package))
+        for importer, imported in imports_by_name(self.package):
+            graph.add_import(importer=importer, imported=imported)
+        missing = []
+        for importer, imported in sorted((i.importer.expression, i.imported.expression) for i in self.facades):
+            if graph.direct_import_exists(importer=importer, imported=imported):
+                graph.remove_import(importer=importer, imported=imported)
+            else:
+                missing.append(f"{importer} -> {imported}")
         imports = nx.DiGraph((name, other) for name in files for other in graph.find_modules_directly_imported_by(name))
-        imports.add_edges_from(imports_by_name(self.package))
-        facades = {(facade.importer.expression, facade.imported.expression) for facade in self.facades}
-        missing = sorted(" -> ".join(facade) for facade in facades if facade not in imports.edges)
-        imports.remove_edges_from(facades)
         circles = [sorted(group) for group in nx.strongly_connected_components(imports) if len(group) > 1]
-        return ContractCheck(kept=not circles and not missing, metadata={"circles": circles, "missing": missing})
+        closing = {folder: sorted(graph.nominate_cycle_breakers(folder)) for folder in files}
+        folders = {folder: pairs for folder, pairs in closing.items() if pairs}
+        return ContractCheck(
+            kept=not (circles or folders or missing),
+            metadata={"circles": circles, "folders": folders, "missing": missing},
+        )
 
     def render_broken_contract(self, check: ContractCheck) -> None:
-        """Name the files of each circle, and facades that are listed but import nothing."""
+        """Name the files of each circle, the imports that close circles of folders, and facades that are listed but
+        import nothing."""
         for circle in check.metadata["circles"]:
             output.print_error("a circle: " + ", ".join(circle))
+        for folder, imports in check.metadata["folders"].items():
+            output.print_error(f"circles in the folder {folder}, closed by:")
+            for importer, imported in imports:
+                output.print_error(f"  {importer} -> {imported}")
         for facade in check.metadata["missing"]:
             output.print_error("a facade that does not exist: " + facade)
 
