@@ -7,7 +7,8 @@ import pytest
 
 from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings, Kind
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
-from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
+from foresee_dsl.avoidance.candidates.scoring import NOTICE_S, Promise, ScoredCandidate, search
+from foresee_dsl.avoidance.r157.risk import REACTION_S
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straight
@@ -49,6 +50,16 @@ def test_an_ego_that_stands_is_never_steered_into_nor_hit() -> None:
 
 def test_somebody_far_away_does_nothing() -> None:
     assert found(crossing_car(behind_m=200)) == []
+
+
+def test_a_clip_that_begins_too_late_for_a_driver_to_react_promises_nothing() -> None:
+    """What could still be changed counts from the clip's own beginning, and a hit must leave the time to react."""
+    assert NOTICE_S == REACTION_S
+    trace = crossing_car(behind_m=8)
+    promise = Promise(RecordedRun.of(trace), CarefulSettings())
+    meets = round(5.0 / STEP_S)
+    assert promise.of(meets, 0, trace.frames - 1)
+    assert not promise.of(meets, meets - round(0.5 / STEP_S), trace.frames - 1)
 
 
 def test_the_ranker_says_what_would_happen() -> None:

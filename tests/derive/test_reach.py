@@ -65,6 +65,15 @@ def test_only_a_late_onset_reaches() -> None:
     assert "changes reach the ego" in best.why
 
 
+def test_a_contact_before_a_driver_can_react_does_not_count() -> None:
+    trace, made = oncoming(), ranker()
+    soon = round(made.settings.notice_s / made.settings.step_s)
+    promises = made.promises(trace)
+    assert all((p.rolled.gaps[p.reaching, :soon] > 0.0).all() for p in promises)
+    hasty = replace(made, settings=replace(made.settings, notice_s=0.0)).promises(trace)
+    assert sum(len(p.reaching) for p in hasty) > sum(len(p.reaching) for p in promises) > 0
+
+
 def test_one_that_never_comes_near_is_not_proposed() -> None:
     points = ranker().rank(oncoming(beside_m=80))
     assert [p for p in points if p.operator] == []

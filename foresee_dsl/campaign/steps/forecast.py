@@ -16,6 +16,7 @@ from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
+from foresee_dsl.derive.clipping.clip import window
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.forecast.margin import MarginRanker
 from foresee_dsl.forecast.pair_goal import PairGoal
@@ -86,11 +87,12 @@ class ForecastStep(Step["CaseStep", CaseRunOutcome]):
         for point in points:
             if len(drafts) == s.risky_points:
                 break
-            if promise is not None and not promise.of(point.frame, before_s=s.before_s, after_s=s.after_s):
+            around = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
+            first, _, last = window(trace, point, **around)
+            if promise is not None and not promise.of(point.frame, first, last):
                 continue  # the preset's search would find no mutation there
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
-            window = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
-            draft = _draft(clip_around(case, trace, point, file, **window), point.rank)
+            draft = _draft(clip_around(case, trace, point, file, **around), point.rank)
             drafts.setdefault(draft.pin, draft)
         return Forecast(len(points), tuple(drafts.values())), None
 

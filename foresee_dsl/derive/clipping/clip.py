@@ -86,6 +86,22 @@ def clip(
             f"a hand-over of {handover_s:g} s is too long: it must end {DRIVES_S:g} s before the risky point, which "
             f"is {before_s:g} s after the clip's beginning"
         )
+    first, handover, last = window(trace, point, before_s=before_s, after_s=after_s, handover_s=handover_s)
+    return m.Clip(
+        name=name,
+        parent=parent,
+        case=case.id.partition("::")[2] or None,
+        pin=pin_of(case),
+        body=_body(case, trace, point, (first, last), handover),
+    )
+
+
+def window(
+    trace: Trace, point: RiskyPoint, *, before_s: float, after_s: float, handover_s: float = 0.0
+) -> tuple[int, int, int]:
+    """Return the first frame of the clip around a point, how many frames its hand-over lasts, and its last frame; see
+    `clip`.
+    """
     handover = round(handover_s / STEP_S)
     first = point.begins - handover if point.begins is not None else point.frame - round(before_s / STEP_S)
     first = max(0, first)
@@ -99,13 +115,7 @@ def clip(
     if point.begins is not None:  # not longer than the clip of another point would be
         last = min(last, max(point.begins + round((before_s + after_s) / STEP_S), point.frame + 1))
     last = min(trace.frames - 1, last)
-    return m.Clip(
-        name=name,
-        parent=parent,
-        case=case.id.partition("::")[2] or None,
-        pin=pin_of(case),
-        body=_body(case, trace, point, (first, last), handover),
-    )
+    return first, handover, last
 
 
 def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:

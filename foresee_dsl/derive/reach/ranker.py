@@ -78,7 +78,8 @@ def _promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSet
     """Return the contacts of a change. `gaps`: [A, T] recorded gaps of the actors to the ego, m; infinite for
     obstacles."""
     least = rolled.gaps.min(axis=1)
-    reaching = np.flatnonzero(least <= 0.0)
+    too_soon = (rolled.gaps[:, : round(settings.notice_s / settings.step_s)] <= 0.0).any(axis=1)
+    reaching = np.flatnonzero((least <= 0.0) & ~too_soon)
     first = np.where(least <= 0.0, (rolled.gaps <= 0.0).argmax(axis=1), rolled.gaps.argmin(axis=1))
     tales: dict[Tale, float] = {}
     for n in reaching.tolist():
