@@ -23,7 +23,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from pathlib import PurePath
 from typing import (
     TYPE_CHECKING,
@@ -196,53 +196,56 @@ def read_record(kind: type[Record], data: Mapping[str, Any]) -> Record:
         KeyError: the document lacks the key of a field without a default; or what `data` raises for a missing key.
         TypeError: it is not an object of JSON.
     """
-    if not isinstance(data, Mapping):
+    if data.__class__ is not dict and not isinstance(data, Mapping):  # the first test is far faster
         raise TypeError(f"{data!r} is not the document of a record")
     own: Callable[[Mapping[str, Any]], Record] | None = getattr(kind, "from_document", None)
     return own(data) if own is not None else kind(**read_fields(kind, data))
 
 
-def read_fields(kind: Any, data: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ANN401 - a class of records
-    """Return the values of a record's fields by name, for `from_document`; see `read_record`."""
-    required = _required(kind)
+def read_fields(kind: Any, data: Mapping[str, Any], *always: str) -> dict[str, Any]:  # noqa: ANN401 - class of records
+    """Return the values of a record's fields by name, for `from_document`; see `read_record`.
+
+    `always`: keys that the document must have although their fields have defaults.
+    """
     return {
-        name: _read(type_, data[key])
-        for key, (name, type_) in _fields_by_key(kind).items()
-        if name in required or key in data
+        name: read(data[key])
+        for key, name, read, required in _fields_by_key(kind)
+        if required or key in data or key in always
     }
 
 
-def _read(kind: Any, value: Any) -> Any:  # noqa: ANN401 - types and values of any kind
+@cache
+def _reader(kind: Any) -> Callable[[Any], Any]:  # noqa: ANN401 - types and values of any kind
+    """Return the function that reads the values of a type."""
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return None if value is None else _read(next(part for part in parts if part is not types.NoneType), value)
-    if value is None and kind in (float, str):
-        return {float: math.inf, str: ""}[kind]
+        read = _reader(next(part for part in parts if part is not types.NoneType))
+        return lambda value: None if value is None else read(value)
     if origin is tuple:
-        return tuple(_read(parts[0], part) for part in value)
+        read = _reader(parts[0])
+        return lambda value: tuple(map(read, value))
     if isinstance(kind, type) and (is_dataclass(kind) or hasattr(kind, "_fields")):
-        return read_record(kind, value)
-    return kind(value) if kind is float or (isinstance(kind, type) and issubclass(kind, Enum)) else value
+        return partial(read_record, kind)
+    if kind is float:
+        return lambda value: math.inf if value is None else float(value)
+    if kind is str:
+        return lambda value: "" if value is None else value
+    return kind if isinstance(kind, type) and issubclass(kind, Enum) else lambda value: value
 
 
 @cache
-def _fields_by_key(kind: Any) -> dict[str, tuple[str, Any]]:  # noqa: ANN401 - as above
-    """Return the name and the type of the field that each key of a record's document holds, if it holds one."""
+def _fields_by_key(kind: Any) -> tuple[tuple[str, str, Callable[[Any], Any], bool], ...]:  # noqa: ANN401 - as above
+    """Return each key of a record's document that holds a field: the key, the field's name, the function that reads it,
+    and whether the field has no default.
+    """
     record = _StandIn(kind)
     document = kind.as_document(record) if hasattr(kind, "as_document") else every_field(record)
-    names = {(name,): name for name in _names(kind)}
-    return {
-        key: (names[part._path], part._type)
+    names, parameters = {(name,): name for name in _names(kind)}, inspect.signature(kind).parameters
+    return tuple(
+        (key, names[part._path], _reader(part._type), parameters[names[part._path]].default is inspect.Parameter.empty)
         for key, part in document.items()
         if isinstance(part, _StandIn) and part._path in names
-    }
-
-
-@cache
-def _required(kind: Any) -> frozenset[str]:  # noqa: ANN401 - as above
-    """Return the names of a record's fields that have no default."""
-    parameters = inspect.signature(kind).parameters.values()
-    return frozenset(part.name for part in parameters if part.default is inspect.Parameter.empty)
+    )
 
 
 @cache

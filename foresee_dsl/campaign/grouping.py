@@ -9,8 +9,7 @@ from pathlib import PurePosixPath
 
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.campaign.driving import case_file_name
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
-from foresee_dsl.documents import or_null, where_set
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats, WrittenFinding
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -57,37 +56,44 @@ class Finding:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {
-            "number": self.number,
-            "name": self.name,
-            "title": self.title,
-            "story": self.story_key,
-            "judgement": self.responsibility,
-            "sentence": self.story.sentence,
-            "class": self.story.contact,
-            "verdict": self.verdict,
-            "test_case": self.test_case,
-            "family": self.family,
-            "file": self.file,
-            "clip": or_null(self.clip),
-            "count": self.count,
-            "siblings": self.siblings,
-            "sibling_files": self.sibling_files,
-            "preventability": self.run.preventability and self.run.preventability.verdict,
-            "why": self.run.preventability and self.run.preventability.why,
-            "anticipation": self.run.anticipation and self.run.anticipation.answer,
-            "anticipation_why": self.run.anticipation and self.run.anticipation.why,
-            "opinions": where_set(or_null(self.run.opinions)),
-            "avoided": self.avoided,
-            "references": self.run.references,
-            "ego_manoeuvre": self.story.ego_manoeuvre,
-            "opponent_manoeuvre": or_null(self.story.opponent_manoeuvre),
-            "place": self.story.place,
-            "mutation": or_null(self.story.mutation),
-            "minimised": self.minimised,
-            "repeats": self.repeats,
-            "rate": or_null(self.rate),
-        }
+        document = WrittenFinding.as_document(self.written)
+        return {**document, "judgement": self.responsibility, "class": self.story.contact, "minimised": self.minimised}
+
+    @property
+    def written(self) -> WrittenFinding:
+        """Return what `campaign.json` states about it."""
+        run, story = self.run, self.story
+        return WrittenFinding(
+            number=self.number,
+            name=self.name,
+            title=self.title,
+            story=self.story_key,
+            judgement=self.responsibility,
+            sentence=story.sentence,
+            class_=story.contact,
+            verdict=self.verdict,
+            test_case=self.test_case,
+            family=self.family,
+            file=self.file,
+            clip=self.clip or None,
+            count=self.count,
+            siblings=self.siblings,
+            sibling_files=self.sibling_files,
+            preventability=run.preventable,
+            why=run.preventability.why if run.preventability else None,
+            anticipation=run.anticipation.answer if run.anticipation else None,
+            anticipation_why=run.anticipation.why if run.anticipation else None,
+            opinions=run.opinions,
+            avoided=self.avoided,
+            references=run.references,
+            ego_manoeuvre=story.ego_manoeuvre,
+            opponent_manoeuvre=story.opponent_manoeuvre or None,
+            place=story.place,
+            mutation=story.mutation or None,
+            minimised=self.minimised.written if self.minimised else None,
+            repeats=self.repeats,
+            rate=self.rate or None,
+        )
 
     @property
     def story_key(self) -> str:

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple, Self, get_args
 
 from pydantic import TypeAdapter
 
-from foresee_dsl.avoidance.anticipating import Anticipation
+from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.judge import Opinion
 from foresee_dsl.avoidance.judges import AnyJudgement
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import ReferenceRun
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.derive.minimise.outcome import Boundary, DropCounts
-from foresee_dsl.documents import or_null, packed, read_fields, read_record, rounded, unpacked, where_set
+from foresee_dsl.documents import every_field, or_null, packed, read_fields, read_record, rounded, unpacked, where_set
 from foresee_dsl.simulate.results.goal import GoalMargin
 from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, RunRecord, Verdict
 from foresee_dsl.story import Story
@@ -42,7 +42,9 @@ class JudgedRun(RunRecord):
 
     @classmethod
     def from_document(cls, data: Mapping[str, Any]) -> Self:
-        """Return the run that a JSON document states. A child has no text, and a file only if it failed."""
+        """Return the run that a JSON document states. A child has of its text only the changes, and a file only if it
+        failed.
+        """
         return cls(**cls._fields_in(data))
 
     @classmethod
@@ -50,7 +52,7 @@ class JudgedRun(RunRecord):
         judges: dict[str, type[AnyJudgement]] = {"preventability": Preventability, "anticipation": Anticipation}
         answers = [read_record(kind, data[key]) for key, kind in judges.items() if data.get(key)]
         answers += [read_record(Opinion, opinion) for opinion in data.get("opinions", ())]
-        return {**read_fields(cls, data), "judgements": tuple(answers)}
+        return {**read_fields(cls, data, "reason"), "judgements": tuple(answers)}
 
     @property
     def breaks_goal(self) -> bool:
@@ -137,7 +139,8 @@ class CaseRunOutcome(JudgedRun):
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
         notes = data.get("notes")
-        return {**super()._fields_in(data), "notes": read_record(DriverNotes, notes) if notes else NO_NOTES}
+        own = {"family": data["family"], "notes": read_record(DriverNotes, notes) if notes else NO_NOTES}
+        return super()._fields_in(data) | own
 
     @property
     def noted(self) -> DriverNotes | None:
@@ -241,7 +244,8 @@ class ChildOutcome(JudgedRun):
 
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any]) -> dict[str, Any]:
-        return {**super()._fields_in(data), "file": data.get("file") or ""}
+        text = "".join(f"change {change}\n" for change in data.get("changes", ()))
+        return {**super()._fields_in(data), "file": data.get("file") or "", "text": text}
 
     @property
     def changes(self) -> list[str]:
@@ -300,7 +304,7 @@ class ClipOutcome(RunRecord):
         """Return the clip that a JSON document states, without its text."""
         keys = {"largest_m": "max", "median_m": "median_others", "ego_m": "ego"}
         deviation_m = data.get("deviation_m", {})
-        fields = read_fields(cls, data)
+        fields = read_fields(cls, data, "clip", "children")
         for name, key in keys.items():
             if key in deviation_m:
                 fields[name] = math.inf if deviation_m[key] is None else deviation_m[key]
@@ -315,11 +319,33 @@ class ClipOutcome(RunRecord):
 class Reduced(NamedTuple):
     """A count before and after minimisation."""
 
-    before: int = 0
-    now: int = 0
+    before: int
+    now: int
 
 
-_NONE = Reduced()
+_NONE = Reduced(0, 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenMinimised:
+    """What `campaign.json` states about a minimised representative; see `Minimised`, from which it is written."""
+
+    file: str
+    clip: str
+    changed: tuple[str, ...]
+    reason: str
+    sentence: str | None
+    preventability: Preventable | None = None
+    anticipation: Answer | None = None
+    references: tuple[ReferenceRun, ...] = ()
+    dropped: DropCounts
+    changes: Reduced
+    actors: Reduced
+    clip_lines: Reduced
+    boundary: tuple[Boundary, ...]
+    runs: int
+    complete: bool
+    note: str
 
 
 @dataclass(frozen=True)
@@ -349,24 +375,30 @@ class Minimised:
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
-        return {
-            "file": self.file,
-            "clip": self.clip_file,
-            "changed": self.child.changes,
-            "reason": self.child.reason,
-            "sentence": self.child.story and self.child.story.sentence,
-            "preventability": self.child.preventable,
-            "anticipation": self.child.anticipation and self.child.anticipation.answer,
-            "references": self.child.references,
-            "dropped": self.dropped,
-            "changes": self.changes,
-            "actors": self.actors,
-            "clip_lines": self.clip_lines,
-            "boundary": self.boundaries,
-            "runs": self.runs,
-            "complete": self.complete,
-            "note": self.note,
-        }
+        return every_field(self.written)
+
+    @property
+    def written(self) -> WrittenMinimised:
+        """Return what `campaign.json` states about it."""
+        run = self.child
+        return WrittenMinimised(
+            file=self.file,
+            clip=self.clip_file,
+            changed=tuple(run.changes),
+            reason=run.reason,
+            sentence=run.story.sentence if run.story else None,
+            preventability=run.preventable,
+            anticipation=run.anticipation.answer if run.anticipation else None,
+            references=run.references,
+            dropped=self.dropped,
+            changes=self.changes,
+            actors=self.actors,
+            clip_lines=self.clip_lines,
+            boundary=self.boundaries,
+            runs=self.runs,
+            complete=self.complete,
+            note=self.note,
+        )
 
     @property
     def folder(self) -> str:
@@ -407,6 +439,56 @@ class Repeats:
     def failed(self) -> int:
         """Number of runs that failed."""
         return sum(count for verdict, count in self.ends.items() if verdict in _FAILED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenFinding:
+    """What `campaign.json` states about a finding, in its order; see `grouping.Finding`, from which it is written.
+
+    Values with a default may be missing in a file of an older version.
+    """
+
+    number: int = 0
+    name: str
+    title: str = ""
+    story: str = ""
+    judgement: Responsibility | None = None
+    sentence: str
+    class_: str
+    verdict: Verdict
+    test_case: str
+    family: str = ""
+    file: str
+    clip: str | None = None
+    count: int
+    siblings: tuple[str, ...]
+    sibling_files: tuple[str, ...]
+    preventability: Preventable | None = None
+    why: str | None
+    anticipation: Answer | None = None
+    anticipation_why: str | None = None
+    opinions: tuple[Opinion, ...] = ()
+    avoided: int | None = None
+    references: tuple[ReferenceRun, ...] = ()
+    ego_manoeuvre: str = ""
+    opponent_manoeuvre: str | None = None
+    place: str = ""
+    mutation: str | None = None
+    minimised: WrittenMinimised | None = None
+    repeats: Repeats | None = None
+    rate: str | None = None
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        document = {name.removesuffix("_"): value for name, value in every_field(self).items()}
+        return document | {"opinions": where_set(or_null(self.opinions))}
+
+    @property
+    def judgements(self) -> tuple[AnyJudgement, ...]:
+        """Return the answers of the judges, with their reasons but without their figures."""
+        braking = (Preventability(self.preventability, self.why or ""),) if self.preventability is not None else ()
+        ahead = (Anticipation(self.anticipation, self.anticipation_why or ""),) if self.anticipation is not None else ()
+        return (*braking, *ahead, *self.opinions)
 
 
 _FAILED = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)

@@ -3,92 +3,38 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from foresee_dsl.avoidance.anticipating import Answer, Anticipation
-from foresee_dsl.avoidance.judge import Opinion
-from foresee_dsl.avoidance.judges import AnyJudgement
-from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
-from foresee_dsl.avoidance.references import ReferenceRun
-from foresee_dsl.avoidance.responsibility import Responsibility
 from foresee_dsl.campaign.goal import GoalCounts
-from foresee_dsl.campaign.records import CaseRunOutcome, ClipOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, WrittenFinding
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.derive.minimise.outcome import Boundary
-from foresee_dsl.documents import read_fields, read_record, shape
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.documents import read_fields, shape
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside
-from foresee_dsl.simulate.results.verdict import Verdict
 
 JSON = "campaign.json"
 
 
-@dataclass(frozen=True)
-class WrittenMinimised:
-    """A finding's minimised representative; files are relative to the campaign's folder."""
+@dataclass(frozen=True, kw_only=True)
+class WrittenCampaign:
+    """The result of a campaign as its `campaign.json` states it.
 
-    file: str
-    reason: str = ""
-    sentence: str | None = None
-    references: tuple[ReferenceRun, ...] = ()
-    boundary: tuple[Boundary, ...] = ()
-
-
-@dataclass(frozen=True)
-class WrittenFinding:
-    """A finding as the file states it: its story, and the answers of the judges about its representative.
-
-    Older versions wrote neither a number nor a judgement.
+    Attributes:
+        file: the file. findings: None in a file of an older version, which did not group failures.
     """
 
-    name: str
-    sentence: str
-    class_: str
-    verdict: Verdict
-    test_case: str
-    file: str | None
-    family: str = ""
-    number: int = 0
-    judgement: Responsibility | None = None
-    story: str = ""
-    title: str = ""
-    rate: str | None = None
-    siblings: tuple[str, ...] = ()
-    sibling_files: tuple[str, ...] = ()
-    preventability: Preventable | None = None
-    why: str | None = None
-    anticipation: Answer | None = None
-    anticipation_why: str | None = None
-    opinions: tuple[Opinion, ...] = ()
-    minimised: WrittenMinimised | None = None
-
-    @classmethod
-    def from_document(cls, data: Mapping[str, Any]) -> Self:
-        """Return the finding that a JSON document states."""
-        return cls(**read_fields(cls, {**data, "class_": data["class"]}))
-
-    @property
-    def judgements(self) -> tuple[AnyJudgement, ...]:
-        """Return the answers of the judges, with their reasons but without their figures."""
-        braking = (Preventability(self.preventability, self.why or ""),) if self.preventability is not None else ()
-        ahead = (Anticipation(self.anticipation, self.anticipation_why or ""),) if self.anticipation is not None else ()
-        return (*braking, *ahead, *self.opinions)
-
-
-@dataclass(frozen=True)
-class WrittenCampaign:
-    """The result of a campaign; `findings` is None in a file of an older version, which did not group failures."""
-
+    file: Path
     driver: str
     ranker: str = ""
     preset: str = ""
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: CampaignSettings = field(default_factory=CampaignSettings)
     risky_points: int = 0
     clips: int = 0
     children: int = 0
@@ -101,10 +47,40 @@ class WrittenCampaign:
     interrupted: bool = False
     broken: tuple[str, ...] = ()
     deterministic: bool | None = None
-    test_cases: tuple[CaseRunOutcome, ...] = ()
-    clip_runs: tuple[ClipOutcome, ...] = ()
+    test_cases: tuple[CaseRunOutcome, ...]
+    clip_runs: tuple[ClipOutcome, ...]
     findings: tuple[WrittenFinding, ...] | None = None
     goal: GoalCounts | None = None
+
+    @property
+    def within(self) -> float | None:
+        """Return the share of the other actors in clips that stayed within 0.1 m of their places in the parent's run;
+        None in a file of an older version.
+        """
+        share = self.fidelity.get("others", {}).get("within_0.1_m")
+        return float(share) if share is not None else None
+
+    @property
+    def folder(self) -> Path:
+        """Return the campaign's folder."""
+        return self.file.parent
+
+    @property
+    def mutants(self) -> Iterator[ChildOutcome]:
+        """Return the mutants of all clips."""
+        return (child for clip in self.clip_runs for child in clip.children)
+
+    @property
+    def grouped(self) -> tuple[WrittenFinding, ...]:
+        """Return the findings; `ForeseeError` if the file is of an older version, which did not group failures."""
+        if self.findings is None:
+            raise ForeseeError(_lacks(self.file, "findings"))
+        return self.findings
+
+    def require(self, finding: WrittenFinding, *keys: str) -> None:
+        """Raise `ForeseeError` if the file is of an older version, which did not write these values of a finding."""
+        if lacking := next((key for key in keys if not getattr(finding, key)), None):
+            raise ForeseeError(_lacks(self.file, lacking))
 
 
 def read_campaign_folder(folder: Path) -> WrittenCampaign:
@@ -113,17 +89,10 @@ def read_campaign_folder(folder: Path) -> WrittenCampaign:
     Raises:
         ForeseeError: the file is missing, or a campaign did not write it.
     """
-    written, file = read_written(folder), folder / JSON
-    if not written:
-        raise ForeseeError(f"{file} does not exist: `foresee campaign PATH --out {folder}` writes it")
-    try:
-        return read_record(WrittenCampaign, written)
-    except KeyError as err:
-        raise ForeseeError(_lacks(file, err.args[0])) from err
-    except (TypeError, ValueError) as err:
-        raise ForeseeError(
-            f"{file} was not written by a campaign of this version ({err}): run the campaign again"
-        ) from err
+    campaign = read_campaign_file(folder / JSON)
+    if campaign is None:
+        raise ForeseeError(f"{folder / JSON} does not exist: `foresee campaign PATH --out {folder}` writes it")
+    return campaign
 
 
 def campaign_folders(folder: Path) -> tuple[Path, ...]:
@@ -141,21 +110,39 @@ def campaign_folders(folder: Path) -> tuple[Path, ...]:
     return below
 
 
-def read_written(campaign: Path) -> dict[str, Any]:
-    """Return the contents of a folder's `campaign.json`; {} if there is none.
-
-    All values have the types that a campaign writes. Keys that an older version did not write may be missing; access as
-    `data[key]` then raises.
+def read_campaign_file(file: Path) -> WrittenCampaign | None:
+    """Return the content of a `campaign.json`; None if the file does not exist.
 
     Raises:
-        ForeseeError: it cannot be read, or a value is not one that a campaign writes.
+        ForeseeError: it cannot be read, or a campaign did not write it.
     """
-    file = campaign / JSON
     try:
-        data = json.loads(read_outside(file, "results"), object_hook=lambda pairs: _Object(file, pairs))
+        text = read_outside(file, "results")
     except FileNotFoundError:
-        return {}
-    except (OSError, ValueError, RecursionError) as err:
+        return None
+    except OSError as err:
+        raise ForeseeError(f"{file} cannot be read: {err}") from err
+    try:
+        data = _written().validate_json(text)
+    except ValidationError:
+        data = _older(file, text)
+    try:
+        return WrittenCampaign(**{**read_fields(WrittenCampaign, data | {"file": ""}), "file": file})
+    except KeyError as err:
+        raise ForeseeError(_lacks(file, err.args[0])) from err
+    except (TypeError, ValueError) as err:
+        raise ForeseeError(_other_version(file, str(err))) from err
+
+
+def _older(file: Path, text: bytes) -> dict[str, Any]:
+    """Return the content of a `campaign.json` that may lack keys, because an older version wrote it.
+
+    Raises:
+        ForeseeError: it is not JSON, or a value has not the type that a campaign writes.
+    """
+    try:
+        data: dict[str, Any] = json.loads(text)
+    except (ValueError, RecursionError) as err:
         raise ForeseeError(f"{file} cannot be read: {err}") from err
     try:
         _written().validate_python(data)
@@ -163,26 +150,16 @@ def read_written(campaign: Path) -> dict[str, Any]:
         wrong = next((problem for problem in err.errors() if problem["type"] != "missing"), None)
         if wrong is not None:
             where = ".".join(map(str, wrong["loc"])) or "the whole file"
-            raise ForeseeError(
-                f"{file} was not written by a campaign of this version ({where}: {wrong['msg']}): "
-                "run the campaign again"
-            ) from err
-    return _Object(file, data)
-
-
-class _Object(dict[str, Any]):
-    """A JSON object of the file; access to a missing key raises an error that says what to do."""
-
-    def __init__(self, file: Path, pairs: dict[str, Any]) -> None:
-        super().__init__(pairs)
-        self._file = file
-
-    def __missing__(self, key: str) -> Any:  # noqa: ANN401 - it always raises
-        raise ForeseeError(_lacks(self._file, key))
+            raise ForeseeError(_other_version(file, f"{where}: {wrong['msg']}")) from err
+    return data
 
 
 def _lacks(file: Path, key: str) -> str:
     return f"{file} lacks {key!r} where a campaign of this version writes it: run the campaign again"
+
+
+def _other_version(file: Path, why: str) -> str:
+    return f"{file} was not written by a campaign of this version ({why}): run the campaign again"
 
 
 @cache

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +11,7 @@ from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, conso
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.records import Minimised
+    from foresee_dsl.campaign.written import WrittenCampaign
 
 FindingArgument = Annotated[
     str, typer.Argument(metavar="FINDING|MUTANT", help="A finding's number or name, or a mutant's file.")
@@ -123,32 +123,32 @@ def review(
     typer.echo(review_text(finding_review), nl=False)
 
 
-def written_campaign(campaign: Path) -> Mapping[str, Any]:
-    """Return what a campaign's folder says about its findings.
+def written_campaign(campaign: Path) -> WrittenCampaign:
+    """Return the campaign in a folder.
 
     Raises:
         ForeseeError: the folder does not hold a campaign.
     """
-    from foresee_dsl.campaign.written import read_written
+    from foresee_dsl.campaign.written import JSON, read_campaign_file
     from foresee_dsl.errors import ForeseeError
 
-    data = read_written(campaign)
-    if not data:
+    written = read_campaign_file(campaign / JSON)
+    if written is None:
         raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
                            "`--campaign OUT` names another folder")  # fmt: skip
-    return data
+    return written
 
 
 def _list_findings(campaign: Path, *, json: bool) -> None:
     from foresee_dsl.campaign.triage.standing import standing_of_written
     from foresee_dsl.report.terminal.campaign import print_findings
 
-    data = written_campaign(campaign)
-    standing = standing_of_written(data, campaign)
+    written = written_campaign(campaign)
+    standing = standing_of_written(written)
     if json:
-        print_json({"findings": data["findings"], "standing": standing})
+        print_json({"findings": written.grouped, "standing": standing})
     else:
-        print_findings(console(), data["findings"], campaign, standing)
+        print_findings(console(), written, standing)
 
 
 def diagnose(

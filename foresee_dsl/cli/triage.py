@@ -49,8 +49,8 @@ def triage(
     from foresee_dsl.campaign.triage.standing import standing_of_written
     from foresee_dsl.errors import ForeseeError
 
-    data = written_campaign(campaign)
-    standing = standing_of_written(data, campaign)
+    written = written_campaign(campaign)
+    standing = standing_of_written(written)
     if finding is None:
         entries = tuple(read_decisions(standing.file).values())
         if json:
@@ -71,21 +71,22 @@ def triage(
     if (word is Word.OPEN) == bool(note):
         what = "`open` removes the entry, and takes no note" if note else 'say why: --note "issue 12"'
         raise typer.BadParameter(what, param_hint="--note")
-    wanted = find_failure(finding, campaign, tests=True).finding
+    wanted = find_failure(finding, campaign, tests=True, written=written).finding
     if wanted is None:
         raise ForeseeError(f"{finding} does not belong to a finding of the campaign in {campaign}")
-    _check_here(str(wanted["test_case"]), standing.file, campaign)
-    story = story_key(str(data["driver"]), str(wanted["story"]))
+    written.require(wanted, "story", "title")
+    _check_here(wanted.test_case, standing.file, campaign)
+    story = story_key(written.driver, wanted.story)
     if word is Word.OPEN and story not in read_decisions(standing.file):
         raise ForeseeError(f"{standing.file} has no entry for {story!r}")
     decision = None if word is Word.OPEN else Decision(story, Triage(word.value), note)
     decide(standing.file, story, decision)
     entries = (decision,) if decision is not None else ()
     if json:
-        print_json({"file": standing.file, "entries": entries, "standing": standing_of_written(data, campaign)})
+        print_json({"file": standing.file, "entries": entries, "standing": standing_of_written(written)})
     else:
         text = decision.text if decision is not None else "open again"
-        console().print(f"{wanted['title']}: {text}\nwrote {standing.file}", soft_wrap=True, markup=False)
+        console().print(f"{wanted.title}: {text}\nwrote {standing.file}", soft_wrap=True, markup=False)
 
 
 def _check_here(test_case: str, file: Path, campaign: Path) -> None:

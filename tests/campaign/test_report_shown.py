@@ -15,7 +15,7 @@ from foresee_dsl.campaign.grouping import TELLING_WORDS, TITLE_WORDS
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.documents import plain
+from foresee_dsl.campaign.written import JSON, WrittenCampaign
 from foresee_dsl.report.terminal.campaign import SCREEN_LINES, print_campaign, print_findings
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
@@ -116,9 +116,10 @@ def test_titles_are_short_and_differ_in_their_first_words() -> None:
 
 
 def test_all_findings_can_be_listed() -> None:
-    data = plain(CampaignResult(CampaignSettings(), MANY, (), 1.0))
+    findings = tuple(finding.written for finding in CampaignResult(CampaignSettings(), MANY, (), 1.0).findings)
+    written = WrittenCampaign(file=Path(JSON), driver="pdm", test_cases=MANY, clip_runs=(), findings=findings)
     text = io.StringIO()
-    print_findings(Console(file=text, width=80, highlight=False), data["findings"], Path("out"))
+    print_findings(Console(file=text, width=80, highlight=False), written)
     lines = text.getvalue().split("\n")
     assert sum(is_row(line) for line in lines) == len(MANY) and max(map(len, lines)) <= 80
     assert [line.strip() for line in lines if line.strip() in {whose.text for whose in Whose}] == [

@@ -102,7 +102,7 @@ def test_a_test_case_that_failed_unmutated_is_a_finding_too(project: Project) ->
     data = json.loads(file.read_text())
     (case,) = [one for one in data["test_cases"] if one["test_case"].endswith("::later")]
     case["reason"] = "F4 lateral collision with other (car) at 3.00 s, 5.0 m/s"
-    told = {"name": "crosser_later", "sentence": 'other is "hit"', "file": case["test_case"]}
+    told = data["findings"][0] | {"name": "crosser_later", "sentence": 'other is "hit"', "file": case["test_case"]}
     file.write_text(json.dumps(data | {"findings": [told]}))
     project.foresee("keep", "crosser_later")
     text = (project.root / "regressions/crosser_later.foresee").read_text()

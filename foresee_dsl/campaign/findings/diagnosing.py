@@ -14,15 +14,15 @@ from typing import Any
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
 from foresee_dsl.campaign.driving import DriverSetup, recorded_setup
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
-from foresee_dsl.campaign.written import read_written
+from foresee_dsl.campaign.written import JSON, read_campaign_file
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_ideal
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import read_outside, write_whole
-from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.addresses import is_file, kind_of
 from foresee_dsl.language.project.loading import load_test_case
@@ -95,35 +95,31 @@ def all_failing(campaign: Path, *, driver: str = "", run_programs: bool = False)
     Raises:
         ForeseeError: there is no campaign in the folder.
     """
-    data = read_written(campaign)
-    if not data:
+    written = read_campaign_file(campaign / JSON)
+    if written is None:
         raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one")
-    failures = (find_failure(str(finding["name"]), campaign, tests=True) for finding in data["findings"])
+    failures = (find_failure(finding.name, campaign, tests=True, written=written) for finding in written.grouped)
     return [_of_finding(failure, driver, None, run_programs=run_programs) for failure in failures]
 
 
 def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_programs: bool) -> Failing:
     file = wanted.minimised or wanted.file
     case = load_test_case(str(file))
-    settings = wanted.data.get("settings", {})
-    setup = DriverSetup(str(settings.get("driver", "pdm")), int(settings.get("seed", 0)))
+    settings = wanted.campaign.settings if wanted.campaign is not None else CampaignSettings()
+    setup = DriverSetup(settings.driver, settings.seed)
     if case.mutant is not None:
         setup = recorded_setup(case)
     if not driver:
         instead = "--run-programs starts it; --driver chooses another driver"
         refuse_programs([(setup.driver, Path(file))], instead, unless=run_programs)
     finding = wanted.finding
-    own = finding is not None and finding["name"] == wanted.name and not driver and seed is None
+    own = finding is not None and finding.name == wanted.name
     return Failing(
         wanted.name,
         case,
-        DriverSetup(
-            driver or setup.driver,
-            setup.seed if seed is None else seed,
-            rules=RulesMode(settings.get("rules", RULES_MODE)),
-        ),
-        wanted.campaign if own else None,
-        int(finding["number"]) if finding is not None and finding["name"] == wanted.name else 0,
+        DriverSetup(driver or setup.driver, setup.seed if seed is None else seed, rules=settings.rules),
+        wanted.campaign.folder if wanted.campaign is not None and own and not driver and seed is None else None,
+        finding.number if finding is not None and own else 0,
     )
 
 

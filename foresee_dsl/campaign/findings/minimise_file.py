@@ -50,7 +50,6 @@ def minimise_file(
         StoreError: the store cannot be written.
     """
     case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
-    settings = wanted.data.get("settings", {})
     setup = recorded_setup(case)
     if driver:
         setup = replace(setup, driver=driver)
@@ -61,8 +60,8 @@ def minimise_file(
             unless=run_programs,
         )
     folder = store_folder or wanted.store
-    limit_m = float(settings.get("fidelity_limit_m", CampaignSettings.fidelity_limit_m))
-    run_seed = int(settings.get("seed", setup.seed))
+    settings = wanted.campaign.settings if wanted.campaign is not None else CampaignSettings(seed=setup.seed)
+    limit_m, run_seed = settings.fidelity_limit_m, settings.seed
     identity = judged_identity(setup.driver, RULES_MODE)
     # The keys are those of the steps of a campaign, whose results are found by them.
     child = key(ChildStep, clip=mutant.pin, meaning=case.meaning, driver=identity, seed=setup.seed)

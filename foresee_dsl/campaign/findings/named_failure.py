@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from foresee_dsl.campaign.written import JSON, read_written
+from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
+from foresee_dsl.campaign.written import JSON, WrittenCampaign, read_campaign_file
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help
@@ -21,65 +21,71 @@ class NamedFailure:
 
     Attributes:
         name: name of the mutant or test case. file: its file before minimisation; for a test case its address.
-        campaign: folder of its campaign, or None. data: contents of `campaign.json`.
+        campaign: its campaign, or None.
         child: True for a mutant (or clip), False for a test case that fails without mutation.
     """
 
     name: str
     file: Path
-    campaign: Path | None = None
-    data: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    campaign: WrittenCampaign | None = field(default=None, repr=False)
     child: bool = True
 
     @property
     def store(self) -> Path | None:
         """Return the store of its campaign; None without a campaign."""
-        folder = self.campaign / "store" if self.campaign is not None else None
+        folder = self.campaign.folder / "store" if self.campaign is not None else None
         return folder if folder is not None and (folder / "runs.sqlite").is_file() else None
 
     @property
-    def finding(self) -> Mapping[str, Any] | None:
-        """Return the entry in `campaign.json` of the finding to which the failure belongs."""
-        all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
-        own = (finding for finding in all_found if finding["name"] == self.name)
-        return next(own, next((finding for finding in all_found if self.name in finding.get("siblings", ())), None))
+    def finding(self) -> WrittenFinding | None:
+        """Return the finding to which the failure belongs."""
+        others = (finding for finding in _findings(self.campaign) if self.name in finding.siblings)
+        return self._own_finding or next(others, None)
 
     @property
     def minimised(self) -> Path | None:
         """Return the file of its minimised form, or None."""
-        file = self.campaign / "findings" / self.name / self.file.name if self.campaign is not None else None
+        file = self.campaign.folder / "findings" / self.name / self.file.name if self.campaign is not None else None
         return file if file is not None and is_file(file) else None
 
     @property
     def sentence(self) -> str:
         """Return the failure's story in a sentence; "" without a campaign."""
-        own_sentence = (self._own.get("story") or {}).get("sentence")
-        finding = self.finding or {}
-        return str(own_sentence or (finding.get("sentence") if finding.get("name") == self.name else "") or "")
+        if self._own is not None and self._own.story is not None:
+            return self._own.story.sentence
+        return self._own_finding.sentence if self._own_finding is not None else ""
 
     @property
     def sentence_minimised(self) -> str:
         """Return the story of the minimised form in a sentence; "" without a campaign."""
-        finding = self.finding or {}
-        return str((finding.get("minimised") or {}).get("sentence") or "") if finding.get("name") == self.name else ""
+        small = self._own_finding.minimised if self._own_finding is not None else None
+        return (small.sentence if small is not None else "") or ""
 
     @property
     def reason(self) -> str:
         """Return how its run ended; "" without a campaign."""
-        return str(self._own.get("reason") or "")
+        return self._own.reason if self._own is not None else ""
 
     @property
-    def _own(self) -> Mapping[str, Any]:
-        own = (run for run in _children(self.data) if self.child and run["mutant"] == self.name)
-        tests = (run for run in self.data.get("test_cases", ()) if run["test_case"] == str(self.file))
-        return next(own, next(tests, {}))
+    def _own(self) -> JudgedRun | None:
+        if self.campaign is None:
+            return None
+        own = (run for run in self.campaign.mutants if self.child and run.name == self.name)
+        return next(own, next((run for run in self.campaign.test_cases if run.id == str(self.file)), None))
+
+    @property
+    def _own_finding(self) -> WrittenFinding | None:
+        return next((finding for finding in _findings(self.campaign) if finding.name == self.name), None)
 
 
-def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFailure:
+def find_failure(
+    wanted: str, campaign: Path, *, tests: bool = False, written: WrittenCampaign | None = None
+) -> NamedFailure:
     """Return the failure of this name, number of a finding, or file.
 
     Args:
         campaign: folder in which names are looked up. tests: also accept a test case that fails without mutation.
+        written: the campaign in the folder, if it was read already.
 
     Raises:
         ForeseeError: there is no failure of that name, or it is not a mutant.
@@ -87,20 +93,18 @@ def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFa
     path = Path(wanted)
     if is_file(path):
         return _by_file(path)
-    data = read_written(campaign)
+    written = written or read_campaign_file(campaign / JSON)
     if wanted.isdecimal():
-        wanted = _name_of(int(wanted), data, campaign)
-    children = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
+        wanted = _name_of(int(wanted), written, campaign)
+    children = {child.name: child.file for child in written.mutants if child.file} if written is not None else {}
     if wanted in children:
-        return NamedFailure(wanted, campaign / str(children[wanted]["file"]), campaign, data)
-    others = {
-        name: file for finding in data.get("findings", ()) for name, file in _files_of(finding) if name not in children
-    }
+        return NamedFailure(wanted, campaign / children[wanted], written)
+    others = {name: file for finding in _findings(written) for name, file in _files_of(finding) if name not in children}
     if wanted in others:
         if tests:
-            return NamedFailure(wanted, Path(others[wanted]), campaign, data, child=False)
+            return NamedFailure(wanted, Path(others[wanted]), written, child=False)
         raise ForeseeError(f"{wanted} is a test case that fails as it is written: there is no mutation to minimise")
-    if not data:
+    if written is None:
         raise ForeseeError(
             f"there is no file {wanted!r}, and no campaign in {campaign} with a finding of that name (write the "
             "campaign's folder with `--campaign OUT`)"
@@ -110,12 +114,14 @@ def find_failure(wanted: str, campaign: Path, *, tests: bool = False) -> NamedFa
     raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {Help.of(hint).text}")
 
 
-def _name_of(number: int, data: Mapping[str, Any], campaign: Path) -> str:
+def _name_of(number: int, written: WrittenCampaign | None, campaign: Path) -> str:
     """Return the name of the finding with a number."""
-    findings = data.get("findings", ())
-    name = next((str(finding["name"]) for finding in findings if finding["number"] == number), None)
-    if name is not None:
-        return name
+    findings = _findings(written)
+    for finding in findings:
+        if written is not None:
+            written.require(finding, "number")
+        if finding.number == number:
+            return finding.name
     has = (
         f"has findings 1 to {len(findings)}"
         if findings
@@ -130,21 +136,21 @@ def _by_file(path: Path) -> NamedFailure:
         what = f"a {kind}" if kind else "no definition"
         raise ForeseeError(f"{path} contains {what}, not a mutant: write a mutant's file, or a finding of a campaign")
     above = next((folder for folder in absolute(path).parents if is_file(folder / JSON)), None)
-    data = read_written(above) if above is not None else {}
-    child = next((child for child in _children(data) if child["mutant"] == path.stem and child.get("file")), None)
+    campaign = read_campaign_file(above / JSON) if above is not None else None
+    mutants = campaign.mutants if campaign is not None else ()
+    child = next((child for child in mutants if child.name == path.stem and child.file), None)
     if above is None or child is None:
         return NamedFailure(path.stem, path)
     # A file in `findings` is already minimised: return the mutant that it was made from.
-    own = above / str(child["file"])
+    own = above / child.file
     inside = absolute(path).parent in (absolute(own).parent, absolute(above / "findings" / path.stem))
-    return NamedFailure(path.stem, own, above, data) if inside else NamedFailure(path.stem, path)
+    return NamedFailure(path.stem, own, campaign) if inside else NamedFailure(path.stem, path)
 
 
-def _children(data: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    for clip in data.get("clip_runs", ()):
-        yield from clip.get("children", ())
+def _findings(campaign: WrittenCampaign | None) -> tuple[WrittenFinding, ...]:
+    return (campaign.findings if campaign is not None else None) or ()
 
 
-def _files_of(finding: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    yield finding["name"], finding["file"]
-    yield from zip(finding.get("siblings", ()), finding.get("sibling_files", ()), strict=False)
+def _files_of(finding: WrittenFinding) -> Iterator[tuple[str, str]]:
+    yield finding.name, finding.file
+    yield from zip(finding.siblings, finding.sibling_files, strict=False)

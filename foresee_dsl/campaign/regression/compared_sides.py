@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.execution.runs import broken_run
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, JudgedRun
+from foresee_dsl.campaign.records import JudgedRun
 from foresee_dsl.campaign.regression.comparison import ComparedRun, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.regression.verify import LONGEST_S
 from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
+from foresee_dsl.campaign.written import JSON, WrittenCampaign, read_campaign_file
 from foresee_dsl.documents import plain, read_record
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import find_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import read_outside
 from foresee_dsl.language.project.addresses import is_folder, parse_address
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.near_misses import NearMisses
@@ -31,34 +29,28 @@ def side_of_campaign(folder: Path) -> Side:
     Raises:
         ForeseeError: there is no campaign, or an older version wrote it.
     """
-    file = folder / "campaign.json" if folder.is_dir() else folder
-    try:
-        data = json.loads(read_outside(file, "results"))
-        runs = tuple(_runs_in(data))
-        label, broken = f"{folder} ({data['driver']})", tuple(map(str, data.get("broken", ())))
-    except FileNotFoundError:
-        raise ForeseeError(
-            f"there is no finished campaign in {folder}: `foresee campaign` writes campaign.json"
-        ) from None
-    except (KeyError, TypeError, ValueError) as err:
+    file = folder / JSON if folder.is_dir() else folder
+    campaign = read_campaign_file(file)
+    if campaign is None:
+        raise ForeseeError(f"there is no finished campaign in {folder}: `foresee campaign` writes {JSON}")
+    runs = tuple(_runs_in(campaign))
+    if not all(run.key for run in runs):
         message = f"{file} does not state the meaning of its test cases: run the campaign again with this version"
-        raise ForeseeError(message) from err
-    return Side(label, runs, broken)
+        raise ForeseeError(message)
+    return Side(f"{folder} ({campaign.driver})", runs, campaign.broken)
 
 
-def _runs_in(data: Mapping[str, Any]) -> Iterator[ComparedRun]:
-    families = {}
-    for case in data["test_cases"]:
-        families[case["test_case"]] = case["family"]
-        yield _compared(read_record(CaseRunOutcome, case), case["meaning"], case["test_case"], case["family"])
-    for clip in data["clip_runs"]:
-        family = families.get(clip["test_case"], "")
-        for child in clip["children"]:
-            yield _compared(read_record(ChildOutcome, child), child["meaning"], child["mutant"], family)
+def _runs_in(campaign: WrittenCampaign) -> Iterator[ComparedRun]:
+    families = {case.id: case.family for case in campaign.test_cases}
+    for case in campaign.test_cases:
+        yield _compared(case, case.id, case.family)
+    for clip in campaign.clip_runs:
+        for child in clip.children:
+            yield _compared(child, child.name, families.get(clip.seed, ""))
 
 
-def _compared(run: JudgedRun, key: str, name: str, family: str) -> ComparedRun:
-    return ComparedRun(key, name, family, verdict=run.verdict, reason=run.reason, near=run.near,
+def _compared(run: JudgedRun, name: str, family: str) -> ComparedRun:
+    return ComparedRun(run.meaning, name, family, verdict=run.verdict, reason=run.reason, near=run.near,
                        broken_expectations=run.broken_expectations)  # fmt: skip
 
 

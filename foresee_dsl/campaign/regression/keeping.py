@@ -277,6 +277,6 @@ def _test_case(address: str, failure: NamedFailure | None = None) -> Source:
     body = tuple(item for item in model.body if not isinstance(item, m.Doc | m.Expected | m.Param | m.Case | m.Cases))
     name = case_name(case)
     text = print_model(m.Scenario(name=name, body=(*docs, *body)))
-    run = recorded_end(failure.reason) if failure else None
-    expected = expected_of(run, name_to_record(str(failure.data["driver"]), "")) if failure and run else None
+    run, campaign = (recorded_end(failure.reason), failure.campaign) if failure else (None, None)
+    expected = expected_of(run, name_to_record(campaign.driver, "")) if campaign and run else None
     return Source(name, case.source, text, case, False, sentence, expected)

@@ -7,12 +7,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.triage.decisions import Decision, counted_decisions, read_decisions, story_key, triage_file
 from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding, digest_of, read_history
-from foresee_dsl.campaign.written import JSON
+from foresee_dsl.campaign.written import JSON, WrittenCampaign
 from foresee_dsl.files import read_outside_text
 
 
@@ -106,17 +105,15 @@ def standing_of(result: CampaignResult, folder: Path) -> Standing:
     return _standing(folder, result.settings.driver, stories, cases, whole=not result.interrupted)
 
 
-def standing_of_written(data: Mapping[str, Any], folder: Path) -> Standing:
-    """Return how the findings of the campaign in a folder compare with those of the previous one. `data`: the contents
-    of its `campaign.json`.
+def standing_of_written(campaign: WrittenCampaign) -> Standing:
+    """Return how the findings of a written campaign compare with those of the previous one in its folder.
 
     Raises:
         ForeseeError: the history or the decisions cannot be read.
     """
-    findings = data.get("findings") or ()
-    stories = {str(f["story"]): str(f["test_case"]) for f in findings if f.get("story")}
-    cases = [str(run["test_case"]) for run in data.get("test_cases", ())]
-    return _standing(folder, str(data["driver"]), stories, cases, whole=not data.get("interrupted"))
+    stories = {finding.story: finding.test_case for finding in campaign.findings or () if finding.story}
+    cases = [run.id for run in campaign.test_cases]
+    return _standing(campaign.folder, campaign.driver, stories, cases, whole=not campaign.interrupted)
 
 
 def _standing(

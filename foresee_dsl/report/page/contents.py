@@ -14,15 +14,10 @@ from foresee_dsl.campaign.assembly import reference_trace
 from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.sureness import sureness_of
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, WrittenFinding
 from foresee_dsl.campaign.triage.decisions import counted_decisions
 from foresee_dsl.campaign.triage.standing import standing_of_written
-from foresee_dsl.campaign.written import (
-    WrittenCampaign,
-    WrittenFinding,
-    read_campaign_folder,
-    read_written,
-)
+from foresee_dsl.campaign.written import WrittenCampaign, read_campaign_folder
 from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
 from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
@@ -84,13 +79,10 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
     Raises:
         ForeseeError: a folder does not hold a campaign.
     """
-    sources = [
-        ReportedCampaign(folder, read_campaign_folder(folder), standing_of_written(read_written(folder), folder))
-        for folder in folders
-    ]
+    campaigns = [read_campaign_folder(folder) for folder in folders]
+    sources = [ReportedCampaign(campaign, standing_of_written(campaign)) for campaign in campaigns]
     several = len(sources) > 1
     findings = tuple(finding for source in sources for finding in _findings(source, reader, several=several))
-    campaigns = [source.campaign for source in sources]
     return Contents(
         title=", ".join(dict.fromkeys(c.driver for c in campaigns)),
         headline=_headline(campaigns, findings),
@@ -117,23 +109,22 @@ def _headline(campaigns: Sequence[WrittenCampaign], findings: Sequence[FindingEn
 def _subtitle(campaigns: Sequence[WrittenCampaign]) -> str:
     first = campaigns[0]
     settings = first.settings
-    length = float(settings.get("before_s", 0.0)) + float(settings.get("after_s", 0.0))
+    length = settings.before_s + settings.after_s
     drivers = ", ".join(dict.fromkeys(c.driver for c in campaigns))
     rankers = ", ".join(dict.fromkeys(c.ranker for c in campaigns))
     return (
         f"driver {drivers} · ranker {rankers} · preset {first.preset} · clips of {length:g} s · "
-        f"{settings.get('risky_points', '?')} risky points × {settings.get('children', '?')} children · "
-        f"seed {settings.get('seed', 0)}"
+        f"{settings.risky_points} risky points × {settings.children} children · seed {settings.seed}"
     )
 
 
 def _notes(source: ReportedCampaign) -> Iterator[str]:
     campaign = source.campaign
     if campaign.interrupted:
-        yield f"The campaign in {source.folder} was interrupted: what was finished is shown."
+        yield f"The campaign in {source.campaign.folder} was interrupted: what was finished is shown."
     if campaign.findings is None:
         yield (
-            f"{source.folder}/campaign.json was written by an earlier version: each failure stands alone. "
+            f"{source.campaign.folder}/campaign.json was written by an earlier version: each failure stands alone. "
             "Run the campaign again, and equal stories become one finding."
         )
     if campaign.deterministic is False:
@@ -193,8 +184,8 @@ def _findings(source: ReportedCampaign, reader: Reader, *, several: bool) -> Ite
             more=tuple(names[most:]),
             number=record.number,
             judgement=record.judgement,
-            diagnosis=diagnosis_of(source.folder, record.name, runs[0].outcome.record.reason),
-            sure=sureness_of(source.folder, record.name, runs[0].outcome.record.reason),
+            diagnosis=diagnosis_of(source.campaign.folder, record.name, runs[0].outcome.record.reason),
+            sure=sureness_of(source.campaign.folder, record.name, runs[0].outcome.record.reason),
             rate=record.rate or "",
             since=source.standing.of(record.story),
             triage=source.standing.decisions.get(record.story),
@@ -204,7 +195,7 @@ def _findings(source: ReportedCampaign, reader: Reader, *, several: bool) -> Ite
 def _minimised(source: ReportedCampaign, record: WrittenFinding, outcome: FailingRun) -> FailingRun | None:
     """Return the run of a finding's minimised mutant; None if there is none, it does not fail, or its file is gone."""
     small = record.minimised
-    file = source.folder / small.file if small is not None else None
+    file = source.campaign.folder / small.file if small is not None else None
     if small is None or file is None or not small.sentence or not file.is_file():
         return None
     return replace(
@@ -226,8 +217,8 @@ def _beside(file: Path, references: Sequence[ReferenceRun]) -> tuple[tuple[str, 
 
 def _failures(source: ReportedCampaign) -> dict[str, FailingRun]:
     """Return the failing runs of a campaign by name."""
-    folder, campaign = source.folder, source.campaign
-    seed = int(campaign.settings.get("seed", 0))
+    folder, campaign = source.campaign.folder, source.campaign
+    seed = campaign.settings.seed
     traces: dict[str, Path] = {}
     outcomes: dict[str, FailingRun] = {}
     for case in campaign.test_cases:
@@ -257,11 +248,11 @@ def _child(
         seed = int(again[2])
     return FailingRun(
         name=child.name,
-        address=(source.folder / child.file).as_posix(),
+        address=(source.campaign.folder / child.file).as_posix(),
         record=child,
         driver=source.campaign.driver,
         seed=seed,
-        trace=source.folder / "traces" / f"{child.name}.npz",
+        trace=source.campaign.folder / "traces" / f"{child.name}.npz",
         parent_trace=parent,
         operators=child.operators,
         why_made=child.why,
@@ -283,14 +274,15 @@ def _failing_children(campaign: WrittenCampaign) -> Iterator[tuple[ClipOutcome, 
 def _each_alone(source: ReportedCampaign) -> tuple[WrittenFinding, ...]:
     """Return each failure as a finding of its own, for an older `campaign.json` without findings."""
     families = {case.id: case.family for case in source.campaign.test_cases}
-    failures: list[tuple[str, CaseRunOutcome | ChildOutcome, str, str | None]] = [
+    failures: list[tuple[str, CaseRunOutcome | ChildOutcome, str, str]] = [
         (_case_name(case), case, case.id, case.id) for case in source.campaign.test_cases if case.verdict.is_failure
     ]
     failures += [(child.name, child, clip.seed, child.file) for clip, child in _failing_children(source.campaign)]
     return tuple(
         WrittenFinding(
-            name, run.reason, "", run.verdict, test_case, file, families.get(test_case, ""),
-            preventability=run.preventable, anticipation=run.anticipation.answer if run.anticipation else None,
+            name=name, sentence=run.reason, class_="", verdict=run.verdict, test_case=test_case, file=file, count=1,
+            siblings=(), sibling_files=(), family=families.get(test_case, ""), preventability=run.preventable, why=None,
+            anticipation=run.anticipation.answer if run.anticipation else None,
         )
         for name, run, test_case, file in failures
     )  # fmt: skip

@@ -6,7 +6,6 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Responsibility
 from foresee_dsl.campaign.findings.sureness import Sureness
@@ -22,9 +21,8 @@ _LONGEST_ANCHOR = 120
 
 @dataclass(frozen=True)
 class ReportedCampaign:
-    """A campaign's folder, its recorded results, and how they compare with the campaign before."""
+    """A campaign's recorded results, and how they compare with the campaign before."""
 
-    folder: Path
     campaign: WrittenCampaign
     standing: Standing
 

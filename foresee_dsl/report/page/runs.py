@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.campaign.records import JudgedRun
-from foresee_dsl.campaign.written import WrittenMinimised
+from foresee_dsl.campaign.records import JudgedRun, WrittenMinimised
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork

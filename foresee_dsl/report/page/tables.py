@@ -143,7 +143,6 @@ def numbers(sources: Sequence[ReportedCampaign]) -> Iterator[Table]:
 
 
 def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
-    others = campaign.fidelity.get("others", {})
     yield "test cases", str(len(campaign.test_cases))
     yield "risky points", str(campaign.risky_points)
     yield "clips", str(campaign.clips)
@@ -154,8 +153,8 @@ def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
             yield f"  {driver}: {answer}", str(count)
     yield "simulated", _duration(campaign.simulated_s)
     yield "time it took", _duration(campaign.wall_s)
-    if isinstance(others, dict) and others.get("within_0.1_m") is not None:
-        yield "other actors of clips within 0.1 m of their parent", f"{float(others['within_0.1_m']):.1%}"
+    if campaign.within is not None:
+        yield "other actors of clips within 0.1 m of their parent", f"{campaign.within:.1%}"
 
 
 def _kinds(campaign: WrittenCampaign) -> list[str]:

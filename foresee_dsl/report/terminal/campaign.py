@@ -10,10 +10,9 @@ import os
 import shlex
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -24,6 +23,7 @@ from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.campaign.triage.standing import Standing, standing_of
+from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
@@ -111,18 +111,21 @@ def _end(result: CampaignResult, table: _Table, standing: Standing, out: Path, n
 
 def print_findings(
     console: Console,
-    findings: Sequence[Mapping[str, Any]],
-    campaign: Path,
+    campaign: WrittenCampaign,
     standing: Standing = Standing(),  # noqa: B008 - immutable
 ) -> None:
     """Print all findings of a written campaign in its order, one line each, including those that the report folds."""
-    rows = [FindingRow.of_written(finding, standing) for finding in findings]
+    rows = []
+    for finding in campaign.grouped:
+        campaign.require(finding, "number", "judgement", "title")
+        changes = finding.minimised.changed if finding.minimised is not None else None if finding.clip else ()
+        rows.append(FindingRow.of(finding, standing, changes))
     for line in table_lines(rows, _width(console))[0]:
         console.print(line, soft_wrap=True)
     for text in _standing_lines(standing):
         console.print(text, soft_wrap=True)
     if rows:
-        console.print(Text(f"foresee review 1{_in(campaign)} shows one of them with its reasons.", style="dim"))
+        console.print(Text(f"foresee review 1{_in(campaign.folder)} shows one of them with its reasons.", style="dim"))
     else:
         console.print("no findings")
 
@@ -148,7 +151,11 @@ class _Table:
     @classmethod
     def of(cls, findings: Sequence[Finding], standing: Standing, out: Path) -> _Table:
         others = [finding for finding in findings if finding.story_key not in standing.decisions]
-        rows = [FindingRow.of(finding, standing) for finding in others if finding.responsibility.whose not in FOLDED]
+        rows = [
+            FindingRow.of(f.written, standing, f.run.changes if isinstance(f.run, ChildOutcome) else ())
+            for f in others
+            if f.responsibility.whose not in FOLDED
+        ]
         counts = Counter(finding.responsibility.whose for finding in others)
         kinds = [f"{counts[whose]} {whose.counted}" for whose in FOLDED if counts[whose]]
         unlisted = ", ".join([*kinds, *filter(None, [standing.triaged])])

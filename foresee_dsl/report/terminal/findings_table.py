@@ -6,16 +6,14 @@ A line that is too long for the terminal goes on in the next one.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
 
 from rich.text import Text
 
 from foresee_dsl.avoidance.responsibility import Whose
-from foresee_dsl.campaign.grouping import Finding
-from foresee_dsl.campaign.records import ChildOutcome
+from foresee_dsl.campaign.records import WrittenFinding
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.report.safe_text import safe
 
@@ -44,21 +42,11 @@ class FindingRow:
     since: str = ""
 
     @classmethod
-    def of(cls, finding: Finding, standing: Standing) -> FindingRow:
-        """Return the row of a finding."""
-        changes = finding.run.changes if isinstance(finding.run, ChildOutcome) else []
-        whose = finding.responsibility.whose.value
-        since = _since(finding.story_key, standing)
-        code = finding.rate or finding.verdict.value
-        return cls(finding.number, whose, code, finding.title, _change(changes), since)
-
-    @classmethod
-    def of_written(cls, finding: Mapping[str, Any], standing: Standing) -> FindingRow:
-        """Return the row of a finding of `campaign.json`."""
-        small = finding.get("minimised")
-        change = _change(small["changed"]) if small else "" if finding.get("clip") else _change(())
-        since, code = _since(str(finding.get("story", "")), standing), finding.get("rate") or finding["verdict"]
-        return cls(finding["number"], finding["judgement"]["word"], code, finding["title"], change, since)
+    def of(cls, finding: WrittenFinding, standing: Standing, changes: Sequence[str] | None) -> FindingRow:
+        """Return the row of a finding. `changes`: those of its mutant; () for a test case, None if not known."""
+        whose = finding.judgement.word if finding.judgement is not None else ""
+        code, change = finding.rate or finding.verdict.value, "" if changes is None else _change(changes)
+        return cls(finding.number, whose, code, finding.title, change, _since(finding.story, standing))
 
 
 def _since(story: str, standing: Standing) -> str:

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from math import isfinite
 
 from foresee_dsl.avoidance.causes import Diagnosis, IdealRun
-from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.campaign.findings.diagnosing import DiagnosedFailure
-from foresee_dsl.campaign.findings.review import Mutation, Review
+from foresee_dsl.campaign.findings.review import Review
 from foresee_dsl.campaign.findings.sureness import HeatMap, Sureness
+from foresee_dsl.campaign.records import ChildOutcome, WrittenMinimised
 from foresee_dsl.derive.minimise.outcome import Boundary
-from foresee_dsl.documents import read_record
 from foresee_dsl.report.safe_text import safe
+from foresee_dsl.simulate.results.verdict import Verdict
 
 WIDTH = 80
 _SCALE = 50
@@ -39,47 +39,39 @@ def review_text(review: Review) -> str:
 
 
 def _review_lines(review: Review) -> Iterator[str]:
-    finding, small = review.finding, review.minimised
-    answer = finding.get("preventability")
-    yield from wrapped(f"{finding['number']}. {finding['title']}")
-    yield safe(finding["name"])
-    yield from wrapped(f"{finding['verdict']}, {finding['class']}")
-    judgement = finding["judgement"]
-    yield from wrapped(f"Judgement: {judgement['text']}: {judgement['reason']}")
+    finding = review.finding
+    small, judgement = finding.minimised, finding.judgement
+    yield from wrapped(f"{finding.number}. {finding.title}")
+    yield safe(finding.name)
+    yield from wrapped(f"{finding.verdict}, {finding.class_}")
+    if judgement is not None:
+        yield from wrapped(f"Judgement: {judgement.sentence}")
     if review.standing:
         yield from wrapped(f"History: {review.standing}")
     yield ""
-    yield from wrapped(str((small or {}).get("sentence") or finding["sentence"]))
-    if review.asked != finding["name"]:
-        yield from ("", *wrapped(f"{review.asked} is one of the {finding['count']} failures of this finding."))
-    elif finding["count"] > 1:
-        names, more = finding["siblings"][:_SIBLINGS], len(finding["siblings"]) - _SIBLINGS
+    yield from wrapped((small.sentence if small is not None else "") or finding.sentence)
+    if review.asked != finding.name:
+        yield from ("", *wrapped(f"{review.asked} is one of the {finding.count} failures of this finding."))
+    elif finding.count > 1:
+        names, more = finding.siblings[:_SIBLINGS], len(finding.siblings) - _SIBLINGS
         listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
-        yield from ("", *wrapped(f"It stands for {finding['count']} failures, also for {listed}."))
+        yield from ("", *wrapped(f"It stands for {finding.count} failures, also for {listed}."))
     if review.why:
         yield from ("", *wrapped(f"Why its mutant was made: {review.why}"))
-    if finding.get("clip"):
+    if finding.clip:
         yield from _difference(small)
-        yield from _boundary(small)
+        yield from _boundary(small.boundary if small is not None else ())
         yield from _others(review.others)
-    ahead, opinions = finding.get("anticipation"), finding.get("opinions", ())
-    if answer or ahead or opinions:
+    if finding.judgements:
         yield from ("", "Would a careful driver have avoided it?")
-    if answer:
-        yield from wrapped(f"{R157}: {answer}: {finding['why']}", "  ")
-    if ahead:
-        yield from wrapped(f"{ANTICIPATING}: {ahead}: {finding['anticipation_why']}", "  ")
-    for opinion in opinions:
-        yield from wrapped(f"{opinion['name']}: {opinion['answer']}: {opinion['why']}", "  ")
-    if finding.get("references"):
+    for answer in finding.judgements:
+        yield from wrapped(f"{answer.name}: {answer.answer}: {answer.why}", "  ")
+    if finding.references:
         yield from ("", "Do other drivers avoid it?")
-        for run in finding["references"]:
-            how = ", ".join(run["how"]) or "it drives nearly the same way"
-            passes = run["verdict"] == "pass"
-            apart = run["apart"] or "it fails before the mutation"
-            no = f"not comparable, {apart}" if passes else f"no, {run['reason']}"
-            answer = f"yes, {how}" if run["avoids"] else no
-            yield from wrapped(f"{run['driver']}: {answer}", "  ")
+    for run in finding.references:
+        how = ", ".join(run.how) or "it drives nearly the same way"
+        no = f"not comparable, {run.apart or 'it fails before the mutation'}" if run.passes else f"no, {run.reason}"
+        yield from wrapped(f"{run.driver}: {f'yes, {how}' if run.avoids else no}", "  ")
     yield from _cause_and_sureness(review)
     yield from ("", "Files")
     yield from _files(review)
@@ -98,23 +90,22 @@ def _cause_and_sureness(review: Review) -> Iterator[str]:
             yield from wrapped(edge.text, "  ", more="  ")
 
 
-def _difference(small: Mapping[str, Any] | None) -> Iterator[str]:
+def _difference(small: WrittenMinimised | None) -> Iterator[str]:
     yield from ("", "Difference")
     if small is None:
         yield from wrapped("not minimised yet: the campaign's command, once more, does that", "  ")
         return
-    for change in small["changed"]:
+    for change in small.changed:
         yield from wrapped(f"change {change}", "  ")
-    counts = (("changes", "changes"), ("actors", "actors"), ("clip_lines", "lines of the clip"))
-    parts = [f"{words} {small[key]['before']} -> {small[key]['now']}" for key, words in counts]
-    shorter = small["dropped"]["seconds"]
+    counts = ((small.changes, "changes"), (small.actors, "actors"), (small.clip_lines, "lines of the clip"))
+    parts = [f"{words} {count.before} -> {count.now}" for count, words in counts]
+    shorter = small.dropped.seconds
     yield from wrapped("minimised: " + ", ".join([*parts, *([f"{shorter:.2f} s shorter"] if shorter else [])]), "  ")
-    if small["note"]:
-        yield from wrapped(small["note"], "  ")
+    if small.note:
+        yield from wrapped(small.note, "  ")
 
 
-def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
-    edges = [read_record(Boundary, edge) for edge in small["boundary"]] if small else []
+def _boundary(edges: Sequence[Boundary]) -> Iterator[str]:
     if not edges:
         return
     yield from ("", "Boundary (o passes, X this failure, x another failure)")
@@ -136,37 +127,35 @@ def _scale(edge: Boundary) -> str:
     return "".join(marks)
 
 
-def _others(others: Iterable[Mutation]) -> Iterator[str]:
+def _others(others: Iterable[ChildOutcome]) -> Iterator[str]:
     all_others = list(others)
-    passed = [mutation for mutation in all_others if mutation.verdict == "pass"]
+    passed = [mutation for mutation in all_others if mutation.verdict is Verdict.PASS]
     yield from ("", f"Other mutations of the same clip: {len(passed)} of {len(all_others)} withstood")
     for mutation in all_others:
         changes = "; ".join(mutation.changes) or "?"
         yield from wrapped(f"{mutation.name.rpartition('_')[2]}: {changes}", "  ", more="    ")
-        yield from wrapped(_margins(mutation) if mutation.verdict == "pass" else mutation.reason, "      ")
+        yield from wrapped(_margins(mutation) if mutation.verdict is Verdict.PASS else mutation.reason, "      ")
 
 
-def _margins(mutation: Mutation) -> str:
-    near_misses = ((words, mutation.margins.get(name)) for name, words in _MARGINS.items())
-    texts = [
-        words.format(near["value"], near["with"]) for words, near in near_misses if near and near["value"] is not None
-    ]
+def _margins(mutation: ChildOutcome) -> str:
+    near_misses = ((words, getattr(mutation.near, name, None)) for name, words in _MARGINS.items())
+    texts = [words.format(near.value, near.actor) for words, near in near_misses if near and isfinite(near.value)]
     return "passed: " + (", ".join(texts) if texts else "no actor came near")
 
 
 def _files(review: Review) -> Iterator[str]:
-    if review.finding.get("clip") is None:
-        yield f"  {safe(review.finding['file'], _LONGEST)}"
+    finding, small = review.finding, review.finding.minimised
+    if finding.clip is None:
+        yield f"  {safe(finding.file, _LONGEST)}"
         return
-    small = review.minimised
     for words, file in (
-        ("minimised", small["file"] if small else None),
-        ("its clip", small["clip"] if small else None),
-        ("as found", review.finding["file"]),
+        ("minimised", small.file if small else None),
+        ("its clip", small.clip if small else None),
+        ("as found", finding.file),
     ):
         if file is not None:
-            yield f"  {words + ':':<11}{safe((review.campaign / str(file)).as_posix(), _LONGEST)}"
-    yield f"  {'test case:':<11}{safe(review.finding['test_case'], _LONGEST)}"
+            yield f"  {words + ':':<11}{safe((review.campaign.folder / file).as_posix(), _LONGEST)}"
+    yield f"  {'test case:':<11}{safe(finding.test_case, _LONGEST)}"
 
 
 def wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
