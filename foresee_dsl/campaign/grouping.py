@@ -57,6 +57,7 @@ class Finding:
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
         document = WrittenFinding.as_document(self.written)
+        # The JSON schema is derived from these expressions (`documents.shape`); these three name their whole types.
         return {**document, "judgement": self.responsibility, "class": self.story.contact, "minimised": self.minimised}
 
     @property

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from foresee_dsl.avoidance.candidates.behaviours import CarefulSettings
+from foresee_dsl.avoidance.candidates.recorded import RecordedRun
+from foresee_dsl.avoidance.candidates.scoring import Promise
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.derive.clipping.clip import clip
+from foresee_dsl.derive.clipping.clip import clip, clip_frames
 from foresee_dsl.derive.mutate import Mutator
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.situation import Numeric
@@ -104,6 +107,27 @@ def test_clips_begin_with_the_change_or_a_handover_before_it(cases: tuple[TestCa
         (steer,) = [change for change in child.changes if change.property == "steer"]
         onset_s = steer.start.si if isinstance(steer.start, Quantity) else 0.0
         assert window.start.si + onset_s == pytest.approx(begins_s)
+
+
+def test_a_clip_is_cut_only_if_its_own_seconds_promise_a_failure(cases: tuple[TestCase, ...], tmp_path: Path) -> None:
+    """With the preset `avoidable`; the seconds before a clip that begins with its change do not count."""
+    settings = replace(REACH, preset="avoidable", risky_points=30, children=1)
+    result, _ = campaign(write_project(tmp_path), tmp_path / "out", settings)
+    case = cases[0]
+    trace = driven(case)
+    models = {name: spec_of(model) for name, model in case.models.items()}
+    promise = Promise(RecordedRun.of(trace), CarefulSettings())
+    own, around = set(), set()
+    for point in ReachRanker().before(Mutations("avoidable", models)).rank(trace, before_s=3, after_s=3):
+        frames = clip_frames(trace, point, before_s=3, after_s=3)
+        if promise.of(point.frame, frames.first, frames.last):
+            own.add(point.rank)
+        if promise.of(point.frame, max(0, point.frame - 60), frames.last):
+            around.add(point.rank)
+    cut = {clip.rank for clip in result.clips if clip.seed.endswith(f"::{case.id.partition('::')[2]}")}
+    assert cut
+    assert cut <= own
+    assert around - own  # points that only the seconds before their clips promise
 
 
 def test_an_operator_that_there_is_not_is_a_mistake(cases: tuple[TestCase, ...]) -> None:

@@ -55,7 +55,7 @@ of these contacts, but fewer than of the others.
 """
 NOTICE_S = 1.15
 """Shortest time from the window's beginning to a hit that counts, s: the reaction time of R157's careful and competent
-driver (`avoidance.r157.risk.REACTION_S`). Of a change that hits sooner, nothing can be said about the driver.
+driver (`avoidance.r157.risk.REACTION_S`). A change that hits sooner says nothing about the driver.
 """
 IN_LINE_RAD, IN_LINE_M = math.radians(25), 1.2
 """Largest differences in heading and in lateral position for an actor to be in the ego's line. Ours: half a car's width
@@ -67,8 +67,8 @@ those that hit only a driver that is late or does not react, one in twenty fails
 PROMISING = 0.1
 """A moment is not promising if its best candidate has a lower score than this. Ours, chosen on the even half of the
 test cases: in the 260 clips whose best candidate had a score below 0.12, 1 of 268 children failed; in the other 161
-clips, 62 of 373 failed. With 0.2 and the ranker `reach`, `pdm` has 21 avoidable findings in a simulated hour instead of
-14, `idm` 7 instead of 18: a driver that reacts late fails where the scores are low.
+clips, 62 of 373 failed. In a trial with the ranker `reach`, 0.2 gave `pdm` 21 avoidable findings in a simulated hour
+instead of 14, but `idm` 7 instead of 18: a driver that reacts late fails where the scores are low.
 """
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
@@ -160,7 +160,7 @@ def scored(run: RecordedRun, candidates: Sequence[Candidate]) -> list[ScoredCand
     sudden = np.where(threatened, SUDDEN * np.exp(-left_s / SUDDEN_S), 0.0)
     hits = np.maximum(hits, sudden * fair[:, :1])
     hits[(touches & (drives["ego"] < EGO_STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
-    hits[drives["at"] < NOTICE_S] = 0.0
+    hits[drives["at"] < NOTICE_S] = 0.0  # the time of the contact, or of the smallest gap
     in_line = _ahead_in_line(run, candidates, drives[:, 0])
     hits[in_line] *= touches[in_line]
     hits[in_line, 0] = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
@@ -134,4 +135,4 @@ def _reason_of(wanted: NamedFailure, campaign: WrittenCampaign, finding: Written
         return finding.minimised.reason
     mutants = (run.reason for run in campaign.mutants if run.name == finding.name)
     tests = (run.reason for run in campaign.test_cases if run.id == finding.file)
-    return next((reason for reason in (*mutants, *tests)), "")
+    return next(chain(mutants, tests), "")

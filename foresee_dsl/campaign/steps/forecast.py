@@ -16,7 +16,7 @@ from foresee_dsl.campaign.steps.step import KeyInputs, Step, Work
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip as make_clip
-from foresee_dsl.derive.clipping.clip import window
+from foresee_dsl.derive.clipping.clip import clip_frames
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.forecast.margin import MarginRanker
 from foresee_dsl.forecast.pair_goal import PairGoal
@@ -88,8 +88,8 @@ class ForecastStep(Step["CaseStep", CaseRunOutcome]):
             if len(drafts) == s.risky_points:
                 break
             around = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
-            first, _, last = window(trace, point, **around)
-            if promise is not None and not promise.of(point.frame, first, last):
+            frames = clip_frames(trace, point, **around)
+            if promise is not None and not promise.of(point.frame, frames.first, frames.last):
                 continue  # the preset's search would find no mutation there
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
             draft = _draft(clip_around(case, trace, point, file, **around), point.rank)

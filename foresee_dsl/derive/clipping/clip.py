@@ -6,7 +6,7 @@ ten deviates by over 0.5 m after 10 s, because car-following reaches far along a
 from __future__ import annotations
 
 import math
-from typing import Literal, assert_never
+from typing import Literal, NamedTuple, assert_never
 
 import numpy as np
 
@@ -86,22 +86,28 @@ def clip(
             f"a hand-over of {handover_s:g} s is too long: it must end {DRIVES_S:g} s before the risky point, which "
             f"is {before_s:g} s after the clip's beginning"
         )
-    first, handover, last = window(trace, point, before_s=before_s, after_s=after_s, handover_s=handover_s)
+    frames = clip_frames(trace, point, before_s=before_s, after_s=after_s, handover_s=handover_s)
     return m.Clip(
         name=name,
         parent=parent,
         case=case.id.partition("::")[2] or None,
         pin=pin_of(case),
-        body=_body(case, trace, point, (first, last), handover),
+        body=_body(case, trace, point, frames),
     )
 
 
-def window(
+class ClipFrames(NamedTuple):
+    """The frames of a run that a clip has: its first, the one from which the driver drives, and its last."""
+
+    first: int
+    drives_from: int
+    last: int
+
+
+def clip_frames(
     trace: Trace, point: RiskyPoint, *, before_s: float, after_s: float, handover_s: float = 0.0
-) -> tuple[int, int, int]:
-    """Return the first frame of the clip around a point, how many frames its hand-over lasts, and its last frame; see
-    `clip`.
-    """
+) -> ClipFrames:
+    """Return the frames of the clip around a point; `clip` explains the arguments."""
     handover = round(handover_s / STEP_S)
     first = point.begins - handover if point.begins is not None else point.frame - round(before_s / STEP_S)
     first = max(0, first)
@@ -115,7 +121,7 @@ def window(
     if point.begins is not None:  # not longer than the clip of another point would be
         last = min(last, max(point.begins + round((before_s + after_s) / STEP_S), point.frame + 1))
     last = min(trace.frames - 1, last)
-    return first, handover, last
+    return ClipFrames(first, min(first + handover, last), last)
 
 
 def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
@@ -139,10 +145,8 @@ def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
     return float(points[nearest, 0]), float(points[nearest, 1])
 
 
-def _body(
-    case: TestCase, trace: Trace, point: RiskyPoint, window: tuple[int, int], handover: int
-) -> tuple[m.ClipItem, ...]:
-    first, last = window
+def _body(case: TestCase, trace: Trace, point: RiskyPoint, frames: ClipFrames) -> tuple[m.ClipItem, ...]:
+    first, drives_from, last = frames
     begins = _Beginning(case, trace, first)
     actor = point.actor if point.actor and point.actor not in begins.gone else None
     return (
@@ -153,7 +157,7 @@ def _body(
             actor=actor,
             operator=point.operator or None if actor else None,
         ),
-        begins.ego(min(first + handover, last)),
+        begins.ego(drives_from),
         m.Goal(at=point_of(goal(trace, first, last))),
         *begins.patches(),
         *begins.actors(),

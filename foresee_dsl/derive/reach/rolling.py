@@ -59,8 +59,8 @@ class ReachSettings:
         met_s: see `met_weight`.
         again: worth of a kind of contact the second time, as a share of the first. Ours: 0.3, 0.5 and 0.7 differ by
             little.
-        notice_s: shortest time from the clip's beginning to a contact that counts, as no driver reacts sooner. Of
-            1.15 s and 2 s, the first has more findings, and more avoidable ones.
+        notice_s: shortest time from the change to a contact that counts, as no driver reacts sooner. Of 1.15 s and
+            2 s, the first has more findings, and more avoidable ones.
         swap_within_m: recorded gap to the ego above which an actor's model is not swapped, swap_reach_m: gap that a
             swap must reach. Ours: these save time, as most swaps have no effect.
         proposals: maximum number of ranked changes; the points of the ranker `foresee` follow them.
