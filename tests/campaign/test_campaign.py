@@ -115,13 +115,17 @@ def verify(out: Path) -> dict[str, int]:
 
 
 def test_a_real_map_runs_through_the_whole_line(carla: Path, tmp_path: Path) -> None:
+    """With the default preset the same test case has no clip, and the summary says why."""
     network = carla / "maps" / "xodr" / "Town10HD.xodr"
     out = tmp_path / "out"
     file = Path(__file__).parent / "town10hd.foresee"
     scenario = tmp_path / file.name
     scenario.write_text(file.read_text().replace("Town10HD.xodr", str(network)))
-    done = foresee("campaign", scenario, "--out", out, "--json", "--allow-outside", "--exit-zero")
-    data = json.loads(done.stdout)
+    options = ("campaign", scenario, "--out", out, "--allow-outside", "--exit-zero")
+    data = json.loads(foresee(*options, "--json", "--preset", "focused").stdout)
     assert data["seeds"] == {"total": 1, "passed": 1, "failed": 0}
     assert data["clips"] > 0
     assert data["children"] > 0
+    unpromising = foresee(*options).stdout
+    assert "1 of 1 test case without clips: no change there promises a failure" in unpromising
+    assert "--preset focused" in unpromising and "--risky-points" not in unpromising

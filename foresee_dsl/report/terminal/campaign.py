@@ -24,6 +24,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.campaign.triage.standing import Standing, standing_of
 from foresee_dsl.campaign.written import WrittenCampaign
+from foresee_dsl.derive.presets import preset
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
@@ -223,6 +224,9 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
     yield verdicts_line(result.seeds)
+    if cases := _without_clips(result):
+        of = counted(len(result.seeds), "test case")
+        yield Text(f"{len(cases)} of {of} without clips: no change there promises a failure that can be avoided")
     if children := result.children:
         notes = [child.reason for child in children if _broke(child)]
         more = f", {len(notes)} broke the driver" if notes else ""
@@ -237,6 +241,14 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         f"{counted(total.clips, 'clip')}, {duration(result.wall_s)}",
         style="dim",
     )
+
+
+def _without_clips(result: CampaignResult) -> list[CaseRunOutcome]:
+    """Return the test cases that passed but of which no clip was cut, because the preset's search finds nothing."""
+    if preset(result.settings.preset).search is None or result.interrupted:
+        return []
+    clipped = {clip.seed for clip in result.clips}
+    return [case for case in result.seeds if _passed(case) and case.risky_points and case.id not in clipped]
 
 
 def _goal_words(goal: GoalCounts) -> str:
@@ -362,15 +374,14 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
     chosen += f" --goal {settings.goal}" if settings.goal else ""
     again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}{chosen}"
     yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
+    more_points = f"--risky-points {2 * settings.risky_points} --children {2 * settings.children}"
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
-    preset = "paper" if settings.preset != "paper" else "focused"
+    mutations = "paper" if settings.preset != "paper" else "focused"
     for why, more in (
-        (
-            "more points, more children",
-            f"--risky-points {2 * settings.risky_points} --children {2 * settings.children}",
-        ),
+        *([("also what no driver can avoid", "--preset focused")] if _without_clips(result) else []),
+        *([("more points, more children", more_points)] if result.clips or not _without_clips(result) else []),
         ("other moments", f"--ranker {ranker}"),
-        ("other mutations", f"--preset {preset} --repeat 2"),
+        ("other mutations", f"--preset {mutations} --repeat 2"),
     ):
         yield _path("    ", f"{again} {more}   # {why}")
 
