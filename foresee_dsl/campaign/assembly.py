@@ -77,10 +77,11 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> tuple[Camp
             case Forecast():
                 seed = node.over("seed")
                 seeds[seed] = replace(seeds[seed], risky_points=record.points)
-            case ClipOutcome():
-                clips[node] = replace(record, seed=case.id, family=case.family, name=node.step.name, file=node.file,
-                                      rank=node.step.rank)  # fmt: skip
-                children[node] = {}
+            case ClipOutcome():  # of the clip itself, or of its later check, which takes its place
+                clip = node.over("clip")
+                clips[clip] = replace(record, seed=case.id, family=case.family, name=clip.step.name, file=clip.file,
+                                      rank=clip.step.rank)  # fmt: skip
+                children.setdefault(clip, {})
             case Mutants() | Repeats():
                 pass  # mutants are separate steps, and repeats are stored beside the steps
             case ChildOutcome():
@@ -100,6 +101,7 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> tuple[Camp
                     traces[node.file.replace(".foresee", ".npz")] = (row.trace, renamed)
             case _:
                 assert_never(record)
+    _drop_untrusted(clips, children, traces, stages.settings.fidelity_limit_m)
     completed = {node: replace(seed, references=references.get(node, ())) for node, seed in seeds.items()}
     whole = (
         _with_headers(replace(clip, children=_with_references(children[node], references)), node, out)
@@ -109,6 +111,17 @@ def assemble(stages: Stages, out: Path, *, failures: bool = False) -> tuple[Camp
     by_name = tuple(sorted(small, key=lambda small_finding: small_finding.child.name))
     seed_runs, clip_runs = sorted_outcomes(completed.values(), whole)
     return CampaignResult(stages.settings, seed_runs, clip_runs, 0.0, minimised=by_name), traces
+
+
+def _drop_untrusted(
+    clips: dict[StepNode, ClipOutcome], children: dict[StepNode, dict[StepNode, ChildOutcome]], traces: Traces,
+    limit_m: float,
+) -> None:  # fmt: skip
+    """Remove the mutants of clips that fail or deviate too far; such a clip was run only after its mutants."""
+    for clip in (clip for clip, outcome in clips.items() if not outcome.trusted(limit_m)):
+        for node in children[clip]:
+            traces.pop(f"traces/{node.step.name}.npz", None)
+        children[clip] = {}
 
 
 def _run_beside(node: StepNode, row: Row, driver: str) -> Traces:

@@ -268,6 +268,8 @@ class ClipOutcome(RunRecord):
     `largest_m`: largest deviation of any actor from the parent's run. `median_m`: median of the largest deviations of
     the other actors. `within`: share of the other actors that stayed within 0.1 m of their places in that run.
     `others_m`: largest deviation of each other actor. `ego_m`: the deviation of the ego.
+    `not_run`: its mutants were drawn from the parent's run, and none failed, so it was not run; its verdict is that of
+    the parent's run, and its deviations are not known (infinite).
     """
 
     seed: str
@@ -283,6 +285,7 @@ class ClipOutcome(RunRecord):
     children: tuple[ChildOutcome, ...] = ()
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
+    not_run: bool = False
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -290,12 +293,13 @@ class ClipOutcome(RunRecord):
             "clip": self.name,
             "test_case": self.seed,
             "verdict": self.verdict,
+            "not_run": where_set(self.not_run or None),
             "deviation_m": {
                 "max": rounded(or_null(self.largest_m), 4),
                 "median_others": rounded(or_null(self.median_m), 4),
                 "ego": rounded(or_null(self.ego_m), 4),
             },
-            "within_0.1_m": rounded(self.within, 4),
+            "within_0.1_m": rounded(or_null(self.within), 4),
             "children": self.children,
         }
 
@@ -309,6 +313,10 @@ class ClipOutcome(RunRecord):
             if key in deviation_m:
                 fields[name] = math.inf if deviation_m[key] is None else deviation_m[key]
         return cls(**fields)
+
+    def trusted(self, limit_m: float) -> bool:
+        """Return whether the clip passes without mutation and deviates by at most `limit_m`, or was not run."""
+        return self.not_run or (self.largest_m <= limit_m and self.verdict is Verdict.PASS)
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:

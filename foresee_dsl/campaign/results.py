@@ -95,7 +95,7 @@ class CampaignResult:
         clips = [c for c in self.clips if family is None or c.family == family]
         children = [child for c in clips for child in c.children]
         counts = Counter(child.verdict for child in children)
-        deviations = [c.largest_m for c in clips]
+        deviations = [c.largest_m for c in clips if not c.not_run]
         return FamilyRow(
             family=family or "all",
             cases=len(seeds),
@@ -139,10 +139,11 @@ class CampaignResult:
     @property
     def fidelity(self) -> FidelityFigures:
         """Return the deviations of the unmutated clips from their parents' runs, the ego separately."""
-        others = [far for clip in self.clips for far in clip.others_m]
-        egos = [clip.ego_m for clip in self.clips]
+        run = [clip for clip in self.clips if not clip.not_run]
+        others = [far for clip in run for far in clip.others_m]
+        egos = [clip.ego_m for clip in run]
         return FidelityFigures(
-            clips=len(self.clips),
+            clips=len(run),
             others=len(others),
             others_median_m=statistics.median(others) if others else 0.0,
             others_within=share_within(others),

@@ -29,6 +29,7 @@ from foresee_dsl.campaign.steps.step import AnyStep, ClipPart, KeyInputs, Step, 
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.campaign.workers.pool import Task
+from foresee_dsl.derive.presets import preset
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
@@ -98,6 +99,7 @@ class Stages:
             operators_identity(),
             tuple((driver, judged_identity(driver, settings.rules)) for driver in settings.against),
             key,
+            preset(settings.preset).draws_from_parent,
             EarlierMutants.in_folder(Path(settings.first_from), but=out).requests if settings.first_from else None,
         )
         self._after: dict[StepNode, tuple[StepNode, ...]] = {}

@@ -54,8 +54,9 @@ def mutate(
     Args:
         case: the clip, expanded.
         clip: the clip.
-        trace: the clip's own run, unmutated; its first frame is the clip's beginning. The risky point, and the actor
-            that it is about, are those of the clip's `risk` line (the middle of the run where there is none).
+        trace: the clip's own run, unmutated, or its seconds of the parent's run; its first frame is the clip's
+            beginning. The risky point, and the actor that it is about, are those of the clip's `risk` line (the middle
+            of the run where there is none).
         preset: a preset or its name.
         seed: every draw depends on it, the clip's pin and the child's number, and on nothing else.
         driver: name and version of the driver under test, for the origin.

@@ -143,6 +143,15 @@ class Preset:
     line: LineSettings = LineSettings()
     search: CarefulSettings | None = None
 
+    @property
+    def draws_from_parent(self) -> bool:
+        """Return whether a campaign draws the mutants from the parent's run.
+
+        A clip is then run without mutation only if a mutant of it failed. Only presets with a search do so; with the
+        others, mutants are drawn from the clip's own run, as in the paper.
+        """
+        return self.search is not None
+
 
 PAPER = Preset(
     name="paper",

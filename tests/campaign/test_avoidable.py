@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +12,13 @@ import pytest
 from foresee_dsl.avoidance.candidates.behaviours import Kind
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
-from tests.support.small_campaign import SETTINGS, TEXT
+from foresee_dsl.simulate.results.verdict import Verdict
+from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign
 
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 LONELY = """foresee 1
 
 # The ego drives behind a car that is far ahead.
@@ -78,3 +83,39 @@ def test_clips_are_cut_only_where_something_good_may_be_found(found: CampaignRes
         assert not result.broken
         cut[preset] = len(result.clips)
     assert cut == {"avoidable": 0, "focused": 2}
+
+
+@pytest.fixture(scope="module")
+def red_light(tmp_path_factory: pytest.TempPathFactory) -> tuple[CampaignResult, Heard, Path]:
+    """A campaign about two vehicles that run a red light, in its folder; two of its clips fail or deviate."""
+    out = tmp_path_factory.mktemp("red_light")
+    cases = [SCENARIOS / "scenario7.foresee::r02", SCENARIOS / "scenario7.foresee::r03"]
+    result, heard = campaign(cases, out, CampaignSettings(driver="pdm", ranker="reach", preset="avoidable"))
+    assert not result.broken
+    return result, heard, out
+
+
+def test_a_clip_is_run_only_after_a_child_of_it_has_failed(red_light: tuple[CampaignResult, Heard, Path]) -> None:
+    result, heard, out = red_light
+    failing = [clip for clip in result.clips if clip.failing]
+    run = [clip for clip in result.clips if not clip.not_run]
+    assert failing and len(result.clips) > len(run) == heard.count("check")
+    data = json.loads((out / "campaign.json").read_text())
+    assert data["fidelity"]["clips"] == len(run)
+    for clip in data["clip_runs"]:
+        assert (clip["deviation_m"]["max"] is None) is clip.get("not_run", False)
+    for clip in failing:
+        assert not clip.not_run
+        assert "  fidelity 0.00 m ego " in (out / clip.file).read_text()
+
+
+def test_failures_do_not_count_if_their_clip_fails_or_deviates(red_light: tuple[CampaignResult, Heard, Path]) -> None:
+    result, heard, out = red_light
+    doubtful = [clip for clip in result.clips if clip.verdict is not Verdict.PASS or 1.0 < clip.largest_m < math.inf]
+    assert {clip.verdict is Verdict.PASS for clip in doubtful} == {True, False}
+    assert not any(clip.children for clip in doubtful)
+    ran = {name for kind, name in zip(heard.kinds, heard.names, strict=True) if kind == "child"}
+    dropped = ran - {child.name for child in result.children}
+    assert dropped and all(any(name.startswith(clip.name) for clip in doubtful) for name in dropped)
+    assert dropped.isdisjoint(path.stem for path in out.rglob("*.npz"))
+    assert dropped.isdisjoint(path.stem for path in out.rglob("*.foresee"))

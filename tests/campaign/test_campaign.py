@@ -66,7 +66,7 @@ def test_the_contract_of_campaign_json(finished: tuple[Path, dict[str, object]])
 def test_clips_keep_to_their_parent(finished: tuple[Path, dict[str, object]]) -> None:
     _, data = finished
     assert data["clips"] >= 4
-    assert all(c["deviation_m"]["median_others"] <= 0.005 for c in data["clip_runs"])
+    assert all(c["deviation_m"]["median_others"] <= 0.005 for c in data["clip_runs"] if not c.get("not_run"))
 
 
 def test_same_bytes_with_one_worker_and_into_the_same_folder(

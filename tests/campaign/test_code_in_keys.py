@@ -37,7 +37,7 @@ EDITS = {
     "forecast/registry.py": {"forecast"},
     "forecast/protocol.py": {"forecast", "mutants", "minimise", "minimised_reference", "foresee", "random"},
     "derive/clipping/clip.py": {"forecast", "minimise", "minimised_reference"},
-    "derive/clipping/fidelity.py": {"clip", "minimise", "minimised_reference"},
+    "derive/clipping/fidelity.py": {"clip", "check", "minimise", "minimised_reference"},
     "derive/minimise/minimise.py": {"minimise", "minimised_reference"},
     "derive/operators/paper.py": {"mutants"},
     "campaign/records.py": ALL,

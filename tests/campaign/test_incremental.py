@@ -166,11 +166,11 @@ def test_the_plan_knows_what_is_done_and_what_may_follow(again: tuple[Path, Path
         plan = plan_campaign(Stages(cases, SETTINGS, store, out), store, jobs=2)
         fresh = plan_campaign(Stages(cases, SETTINGS, None, out), None, jobs=1)
     assert [(s.done, s.to_run, s.at_most) for s in plan.stages] == [
-        (2, 1, 0), (0, 0, 0), (2, 0, 1), (2, 0, 2), (2, 0, 2), (8, 0, 8), (0, 0, 0), (0, 0, 9), (0, 0, 0)
+        (2, 1, 0), (0, 0, 0), (2, 0, 1), (2, 0, 2), (2, 0, 2), (8, 0, 8), (0, 0, 0), (0, 0, 0), (0, 0, 9), (0, 0, 0)
     ]  # fmt: skip
     assert plan.measured and not fresh.measured
     assert [(s.done, s.to_run, s.at_most) for s in fresh.stages] == [
-        (0, 3, 0), (0, 0, 0), (0, 0, 3), (0, 0, 6), (0, 0, 6), (0, 0, 24), (0, 0, 0), (0, 0, 24), (0, 0, 0)
+        (0, 3, 0), (0, 0, 0), (0, 0, 3), (0, 0, 6), (0, 0, 6), (0, 0, 24), (0, 0, 0), (0, 0, 0), (0, 0, 24), (0, 0, 0)
     ]  # fmt: skip
     assert plan.as_dot().count("->") == plan.graph.number_of_edges() == plan.graph.number_of_nodes() - 3
     assert plain(plan)["runs"] == {"to_run": 1, "at_most_more": 19}

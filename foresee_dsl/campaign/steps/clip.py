@@ -1,12 +1,17 @@
-"""Step after a forecast: a clip is run without mutation and compared with the run that it was cut from."""
+"""Step after a forecast: a clip is run without mutation and compared with the run that it was cut from.
+
+With a preset that draws mutants from the parent's run (`Preset.draws_from_parent`), the step takes the clip's seconds
+of that run instead, and `clip_check` runs the clip after a mutant of it has failed.
+"""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from foresee_dsl.campaign.driving import DriverSetup, notes_of
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
@@ -28,7 +33,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ClipStep(ClipPart["ForecastStep", Forecast]):
-    """Run a clip without mutation and measure how far it deviates from its parent's run."""
+    """Run a clip without mutation and measure how far it deviates from its parent's run.
+
+    `from_parent`: do not run it; its mutants are drawn from the seconds of the parent's run that it contains.
+    """
 
     kind = "clip"
     title = "clips"
@@ -38,12 +46,15 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
     turn = 1
     usual_s = 0.2
 
+    from_parent: bool = False
+
     @classmethod
     def following(cls, above: ForecastStep, result: Forecast | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per studied risky point."""
+        parent_part = {"from_parent": True} if campaign.draws_from_parent else {}
         for draft in result.drafts if result is not None else ():
-            key = campaign.key(cls, seed=above.run_key, pin=draft.pin)
-            yield cls(key, f"{above.name}_p{draft.rank}", above.seed, draft)
+            key = campaign.key(cls, seed=above.run_key, pin=draft.pin, **parent_part)
+            yield cls(key, f"{above.name}_p{draft.rank}", above.seed, draft, campaign.draws_from_parent)
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
@@ -53,36 +64,64 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
     @Part.CLIP.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
         """Run the clip and compare it."""
-        if trace is None:
-            raise ValueError(f"clip {self.draft.name} cannot be compared, because its parent's trace is missing")
-        started = time.perf_counter()
-        file = work.folder / f"{self.draft.name}.foresee"
-        own = clip_case(self.draft.text, work.case, file)
-        model, result, fidelity = _measured(clip_of(self.draft.text), own, trace, work.setup(self.seed))
-        outcome = ClipOutcome.of(
-            result,
-            seed=case.id,
-            family=case.family,
-            name=self.draft.name,
-            file=file.name,
-            text=print_model(model),
-            rank=self.draft.rank,
-            wall_s=time.perf_counter() - started,
-            largest_m=fidelity.largest_m,
-            median_m=fidelity.median_others_m,
-            within=share_within(fidelity.others_m),
-            others_m=fidelity.others_m,
-            ego_m=fidelity.ego_m,
-            notes=notes_of(result),
-        )
-        return outcome, result.trace
+        if not self.from_parent:
+            return run_clip(self, work, case, trace)
+        outcome = ClipOutcome(
+            seed=case.id, family=case.family, name=self.draft.name, file=f"{self.draft.name}.foresee",
+            text=self.draft.text, rank=self.draft.rank, verdict=Verdict.PASS, largest_m=math.inf, median_m=math.inf,
+            within=math.inf, ego_m=math.inf, not_run=True,
+        )  # fmt: skip
+        return outcome, _seconds_of(clip_of(self.draft.text), _parent_trace(self, trace))
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ClipOutcome:
         """Return the clip's record for a broken run."""
-        return ClipOutcome(
-            seed=case.id, family=case.family, name=self.name, file=file, text=self.draft.text, rank=self.draft.rank,
-            verdict=verdict, reason=reason,
-        )  # fmt: skip
+        return broken_clip(self, case, file, verdict, reason)
+
+
+def run_clip(step: ClipPart[Any, Any], work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
+    """Run the clip of a step without mutation and compare it; `trace` is that of the parent's run."""
+    parent_trace, draft = _parent_trace(step, trace), step.draft
+    started = time.perf_counter()
+    file = work.folder / f"{draft.name}.foresee"
+    own = clip_case(draft.text, work.case, file)
+    model, result, fidelity = _measured(clip_of(draft.text), own, parent_trace, work.setup(step.seed))
+    outcome = ClipOutcome.of(
+        result,
+        seed=case.id,
+        family=case.family,
+        name=draft.name,
+        file=file.name,
+        text=print_model(model),
+        rank=draft.rank,
+        wall_s=time.perf_counter() - started,
+        largest_m=fidelity.largest_m,
+        median_m=fidelity.median_others_m,
+        within=share_within(fidelity.others_m),
+        others_m=fidelity.others_m,
+        ego_m=fidelity.ego_m,
+        notes=notes_of(result),
+    )
+    return outcome, result.trace
+
+
+def _parent_trace(step: ClipPart[Any, Any], trace: Trace | None) -> Trace:
+    if trace is None:
+        raise ValueError(f"clip {step.draft.name} cannot be compared, because its parent's trace is missing")
+    return trace
+
+
+def _seconds_of(clip: Clip, parent_trace: Trace) -> Trace:
+    """Return the seconds of its parent's run that a clip contains."""
+    first, last = (parent_trace.frame_at(at_s) for at_s in (clip.start_s, clip.end_s))
+    return parent_trace.part(first, last + 1)
+
+
+def broken_clip(step: ClipPart[Any, Any], case: TestCase, file: str, verdict: Verdict, reason: str) -> ClipOutcome:
+    """Return the record of a clip for a broken run."""
+    return ClipOutcome(
+        seed=case.id, family=case.family, name=step.name, file=file, text=step.draft.text, rank=step.draft.rank,
+        verdict=verdict, reason=reason,
+    )  # fmt: skip
 
 
 def measure_clip(

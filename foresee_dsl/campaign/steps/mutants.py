@@ -71,8 +71,8 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
 
     @staticmethod
     def wanted(result: ClipOutcome, settings: CampaignSettings) -> bool:
-        """Return True for a clip that passed without mutation and is close enough to its parent's run."""
-        return result.largest_m <= settings.fidelity_limit_m and result.verdict is Verdict.PASS
+        """Return True for a clip that can be trusted."""
+        return result.trusted(settings.fidelity_limit_m)
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
@@ -83,7 +83,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Mutants, None]:  # noqa: ARG002
         """Mutate the clip."""
         if trace is None:
-            raise ValueError(f"clip {self.draft.name} is mutated without its own run's trace")
+            raise ValueError(f"clip {self.draft.name} is mutated without the trace of a run")
         settings, text = work.settings, self.draft.text
         parent = clip_case(text, work.case, work.folder / f"{self.draft.name}.foresee")
         mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset, plans=self.request.plans)

@@ -35,6 +35,7 @@ class KeyInputs:
         driver, ranker, operators: their identities in keys (see `campaign.keys`).
         references: each reference driver's address, and its identity in keys.
         key: returns the key of a step's class and the parts that its result depends on.
+        draws_from_parent: mutants are drawn from the parent's run (`Preset.draws_from_parent`).
         earlier: returns the failing mutants of earlier campaigns that are run first in a clip with a text; None if
             there are none.
     """
@@ -45,6 +46,7 @@ class KeyInputs:
     operators: str
     references: tuple[tuple[str, str], ...]
     key: Callable[..., str]
+    draws_from_parent: bool = False
     earlier: Callable[[str], tuple[RequestedMutant, ...]] | None = None
 
     @property

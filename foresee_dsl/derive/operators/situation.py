@@ -26,10 +26,11 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace,
 
 @dataclass(frozen=True)
 class Situation:
-    """The situation that an operator changes: a clip, its unmutated run and its risky point.
+    """The situation that an operator changes: a clip, a run of its seconds without mutation, and its risky point.
 
     Attributes:
-        trace: the clip's own run; frame 0 is the clip's beginning. frame: the frame of the risky point.
+        trace: the clip's own run, or its seconds of the parent's run; frame 0 is the clip's beginning.
+        frame: the frame of the risky point.
         ranked: id of the actor that the risky point names, or "".
         models: all models of the case, by name. swappable: names of the models that may be swapped in.
         weather: the clip's rain, fog and wetness, ratios.

@@ -5,6 +5,7 @@ The parser, the checks, the editor and `language.project.changes`, which applies
 `OWNERS`.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -336,6 +337,12 @@ class Clip(Block):
         """Beginning of its window, in the parent's time, s."""
         window = self.first(Window)
         return window.start.si if window and isinstance(window.start, v.Quantity) else 0.0
+
+    @property
+    def end_s(self) -> float:
+        """End of its window, in the parent's time, s; infinite if it has none."""
+        window = self.first(Window)
+        return window.end.si if window and isinstance(window.end, v.Quantity) else math.inf
 
     @property
     def risk(self) -> Risk | None:

@@ -10,6 +10,7 @@ from rich.text import Text
 from foresee_dsl.avoidance.judge import R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.results import CampaignResult, FamilyRow
+from foresee_dsl.report.safe_text import counted
 from foresee_dsl.report.terminal.tables import duration, plain_table
 from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 
@@ -86,13 +87,12 @@ def _dim_zero(count: int) -> str:
 
 
 def _fidelity_line(result: CampaignResult) -> Text:
-    clips = result.clips
-    if not clips:
-        return Text("\nNo clips.")
-    fidelity = result.fidelity
+    clips, fidelity = result.clips, result.fidelity
+    if not fidelity.clips:
+        return Text(f"\n{counted(len(clips), 'clip')} mutated; none failed." if clips else "\nNo clips.")
     mutated = sum(bool(c.children) for c in clips)
     return Text(
-        f"\nFidelity of the {len(clips)} unmutated clips with {result.settings.driver}, largest deviation from the "
+        f"\nFidelity of the {fidelity.clips} unmutated clips with {result.settings.driver}, largest deviation from the "
         f"parent's run:\n  other actors: {fidelity.others_median_m:.2f} m in the median, "
         f"{fidelity.others_within:.1%} within 0.1 m, {fidelity.others_max_m:.2f} m at most\n"
         f"  the ego: {fidelity.ego_median_m:.2f} m in the median, "

@@ -49,7 +49,7 @@ MOST_SEEDS = 50
 MANY_POINTS = 1000
 REFERENCES = frozenset({"reference", "case_reference"})
 """Steps that judge failures; the time that they simulate does not count."""
-SEARCH_STEPS = frozenset({"seed", "forecast", "clip", "mutants", "child"})
+SEARCH_STEPS = frozenset({"seed", "forecast", "clip", "mutants", "child", "check"})
 PLAIN_STEPS = frozenset({"seed"})
 
 
