@@ -77,8 +77,8 @@ class Episode:
             )
         self._frame.control = Control(*checked(control))
         self._run.move(self._frame)
-        if self._frame.decision is not None:
-            self.result = self._run.finish(self._frame.decision)
+        if self._frame.run_end is not None:
+            self.result = self._run.finish(self._frame.run_end)
         else:
             self._look()
         return self.observation
@@ -86,8 +86,8 @@ class Episode:
     def _look(self) -> None:
         self._frame: Frame = self._run.next_frame()
         self.observation: Observation = self._frame.observation
-        if self._frame.decision is not None:
-            self.result = self._run.finish(self._frame.decision)
+        if self._frame.run_end is not None:
+            self.result = self._run.finish(self._frame.run_end)
 
 
 class _Caller:

@@ -43,7 +43,7 @@ class Frame:
         states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; the recorder sets
             it.
         observation: the driver's input; the sensors set it.
-        decision: how the run ends at this frame, None if it goes on; set by the judge, or on a fault of the driver or
+        run_end: how the run ends at this frame, None if it goes on; set by the judge, or on a fault of the driver or
             of SUMO.
         control: the driver's answer.
     """
@@ -51,7 +51,7 @@ class Frame:
     time_s: float
     states: FloatArray = field(init=False)
     observation: Observation = field(init=False)
-    decision: RunEnd | None = None
+    run_end: RunEnd | None = None
     control: Control = field(init=False)
 
 
@@ -80,7 +80,7 @@ class Judging:
         )
 
     def step(self, frame: Frame) -> None:
-        """Decide whether the run ends at this frame, and set the frame's decision."""
+        """Decide whether the run ends at this frame, and set its `run_end`."""
         simulation = self._simulation
         along_m, left_m = simulation.progress.of(simulation.ego, simulation.frame)
         arrived = not self._began_at_goal and along_m >= simulation.scene.goal_s
@@ -89,7 +89,7 @@ class Judging:
             return
         ego = simulation.ego.bicycle()
         way = WayAhead(simulation.scene, frame.states, along_m, left_m, partial(_signalled, simulation))
-        decision = self._judge.look(
+        run_end = self._judge.look(
             frame.time_s,
             ego,
             frame.states[1:, :3],
@@ -98,11 +98,11 @@ class Judging:
             arrived=arrived,
             may_wait=way.may_wait(),
         )
-        if decision is not None and decision.verdict is Verdict.F1 and not decision.with_:
-            decision = self._of_the_map(decision)
-        if decision is not None and decision.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
-            decision = replace(decision, reason=f"{decision.reason}; {self._waits_for(way)}")
-        frame.decision = decision
+        if run_end is not None and run_end.verdict is Verdict.F1 and not run_end.with_:
+            run_end = self._of_the_map(run_end)
+        if run_end is not None and run_end.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
+            run_end = replace(run_end, reason=f"{run_end.reason}; {self._waits_for(way)}")
+        frame.run_end = run_end
 
     def _drives_on(self, frame: Frame) -> bool:
         """Return whether a cheap test shows that the run goes on at this frame, which is nearly always so."""
@@ -112,16 +112,16 @@ class Judging:
             and bool(drives_on(frame.states, *self._around))
         )
 
-    def _of_the_map(self, decision: RunEnd) -> RunEnd:
-        """Return the decision; if the ego left the road where the map is defective, return an invalid run instead of
-        F1.
+    def _of_the_map(self, run_end: RunEnd) -> RunEnd:
+        """Return the end of the run; it is an invalid run instead of F1 if the ego left the road where the map is
+        defective.
         """
         ego = self._simulation.ego
         fault = self._simulation.network.fault_near(ego.x, ego.y)
         if not fault:
-            return decision
-        reason = f"invalid: the ego left the drivable area at {decision.time_s:.2f} s where the map is broken: {fault}"
-        return replace(decision, verdict=Verdict.INVALID, reason=reason)
+            return run_end
+        reason = f"invalid: the ego left the drivable area at {run_end.time_s:.2f} s where the map is broken: {fault}"
+        return replace(run_end, verdict=Verdict.INVALID, reason=reason)
 
     def _waits_for(self, way: WayAhead) -> str:
         """Return what the ego waits for, as the scene shows it and, if the driver explains itself, in the driver's

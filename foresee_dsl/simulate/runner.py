@@ -157,15 +157,15 @@ class Run:
         """Let each part of the run process frame after frame, in this order, until one of them decides that the run
         ends.
         """
-        decision = self.reset()
-        while decision is None:
+        run_end = self.reset()
+        while run_end is None:
             frame = self.next_frame()
-            if frame.decision is None:
+            if frame.run_end is None:
                 self._drive(frame)
-            if frame.decision is None:
+            if frame.run_end is None:
                 self.move(frame)
-            decision = frame.decision
-        return self.finish(decision)
+            run_end = frame.run_end
+        return self.finish(run_end)
 
     def next_frame(self) -> Frame:
         """Return the next frame: recorded, sensed and judged, without a control."""
@@ -197,17 +197,17 @@ class Run:
         return None
 
     def _decide(self, frame: Frame) -> None:
-        """Set the decision from the states, then evaluate the scenario's expectations."""
+        """Set the frame's `run_end` from the states, then evaluate the scenario's expectations."""
         self._judging.step(frame)
         if self._rules is not None:
             self._rules.look()
-        if frame.decision is not None:
-            self._conditions.end_rules(frame.decision)
-        hit = frame.decision is not None and bool(frame.decision.with_)
+        if frame.run_end is not None:
+            self._conditions.end_rules(frame.run_end)
+        hit = frame.run_end is not None and bool(frame.run_end.with_)
         self._expectations.look(frame.time_s, ego_hit=hit)
 
     def _drive(self, frame: Frame) -> None:
-        """Set the control from the driver's answer; if the driver fails, set the frame's decision, which ends the
+        """Set the control from the driver's answer; if the driver fails, set the frame's `run_end`, which ends the
         run."""
         try:
             with self._watch.call("step"):
@@ -219,7 +219,7 @@ class Run:
                 if DriverPart.CONTROL in self._ideal:
                     frame.control = self._exactly(frame.control)
         except (Exception, SystemExit, DriverHangs) as err:  # any exception of the driver is a result of the run
-            frame.decision = self._broken(err)
+            frame.run_end = self._broken(err)
 
     def _follow(self, trajectory: Trajectory, frame: Frame) -> Control:
         """Return the control with which the ego follows its driver's trajectory; with ideal control it does so from its
@@ -249,12 +249,12 @@ class Run:
         return Control(*checked(control_for(plan, ego.limits, float(ego.speed))))
 
     def move(self, frame: Frame) -> None:
-        """Move all actors to the next frame with the frame's control; set the decision if SUMO fails."""
+        """Move all actors to the next frame with the frame's control; set its `run_end` if SUMO fails."""
         try:
             left = self._advance(frame.control)
         except SimulationError as err:
             World.close_shared()  # SUMO may be in an undefined state, so the next run starts a new one
-            frame.decision = RunEnd(Verdict.CRASH, self._simulation.time_s, "", f"the simulator failed: {err}")
+            frame.run_end = RunEnd(Verdict.CRASH, self._simulation.time_s, "", f"the simulator failed: {err}")
             return
         self._steps += 1
         for name in left:
@@ -275,26 +275,26 @@ class Run:
             return RunEnd(Verdict.TIMEOUT, time_s, "", reason)
         return RunEnd(Verdict.CRASH, time_s, "", fault.text)
 
-    def finish(self, decision: RunEnd) -> RunResult:
+    def finish(self, run_end: RunEnd) -> RunResult:
         """Return the run's result, with the trace, after the end that a frame or `reset` decided."""
-        infractions = self._rules.end(decision) if self._rules is not None else ()
-        if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):
-            self._recorder.event(decision.time_s, "ego", "arrived")
-        elif decision.verdict.is_collision:
-            detail = {"with": decision.with_, "verdict": decision.verdict.value}
-            self._recorder.event(decision.time_s, "ego", "collision" if decision.with_ else "off_road", detail)
+        infractions = self._rules.end(run_end) if self._rules is not None else ()
+        if run_end.verdict is Verdict.PASS and self._conditions.arrived("ego"):
+            self._recorder.event(run_end.time_s, "ego", "arrived")
+        elif run_end.verdict.is_collision:
+            detail = {"with": run_end.with_, "verdict": run_end.verdict.value}
+            self._recorder.event(run_end.time_s, "ego", "collision" if run_end.with_ else "off_road", detail)
         expectations = self._expectations.results()
         broken = [result for result in expectations if not result.held]
         series = self._expectations.goal()
         goal = series.margin(held=all(result.name != series.name for result in broken)) if series is not None else None
         failing = tuple(infraction for infraction in infractions if infraction.rule.fails)
-        if decision.verdict is Verdict.PASS and goal is not None and not goal.held:
-            decision = replace(decision, verdict=Verdict.GOAL)
-        elif self._fails and failing and decision.verdict is Verdict.PASS:
-            decision = _of_rules(decision, failing)
-        reason = decision.reason
-        if decision.verdict in (Verdict.PASS, Verdict.GOAL):
-            begins = "goal: " if decision.verdict is Verdict.GOAL else ""
+        if run_end.verdict is Verdict.PASS and goal is not None and not goal.held:
+            run_end = replace(run_end, verdict=Verdict.GOAL)
+        elif self._fails and failing and run_end.verdict is Verdict.PASS:
+            run_end = _of_rules(run_end, failing)
+        reason = run_end.reason
+        if run_end.verdict in (Verdict.PASS, Verdict.GOAL):
+            begins = "goal: " if run_end.verdict is Verdict.GOAL else ""
             sentences = "; ".join((*(result.broken_sentence for result in broken), reason))
             # A mutant's file quotes the reason, and a text of the language cannot contain double quotes.
             reason = f"{begins}{sentences}".replace('"', "'")
@@ -306,7 +306,7 @@ class Run:
             "driver": self._driver.name,
             "driver_version": self._driver.version,
             "seed": self._seed,
-            "verdict": decision.verdict.value,
+            "verdict": run_end.verdict.value,
             "reason": reason,
             "infractions": [asdict(infraction) for infraction in infractions],
             **({"tracking": asdict(deviation)} if deviation is not None else {}),
@@ -317,9 +317,9 @@ class Run:
             record = self._director.record()
         trace = self._recorder.trace(_waypoints(self._bundle), meta, record)
         return RunResult(
-            verdict=decision.verdict,
-            time_s=decision.time_s,
-            with_=decision.with_,
+            verdict=run_end.verdict,
+            time_s=run_end.time_s,
+            with_=run_end.with_,
             reason=reason,
             duration_s=trace.duration_s,
             steps=self._steps,
@@ -327,18 +327,18 @@ class Run:
             expectations=expectations,
             infractions=infractions,
             goal=goal,
-            impact=decision.impact,
+            impact=run_end.impact,
             notes=self._notes,
             tracking=deviation,
         )
 
 
-def _of_rules(decision: RunEnd, infractions: tuple[Infraction, ...]) -> RunEnd:
+def _of_rules(run_end: RunEnd, infractions: tuple[Infraction, ...]) -> RunEnd:
     """Return the result of a run that passed but broke a traffic rule: it fails by that rule."""
     first, *others = infractions
     more = f" ({len(others)} more)" if others else ""
-    reason = f"rule: ego {first.clause} at {first.time_s:.2f} s{more}; {decision.reason}"
-    return replace(decision, verdict=Verdict.RULE, with_=first.other, reason=reason)
+    reason = f"rule: ego {first.clause} at {first.time_s:.2f} s{more}; {run_end.reason}"
+    return replace(run_end, verdict=Verdict.RULE, with_=first.other, reason=reason)
 
 
 def _waypoints(bundle: SumoBundle) -> FloatArray:

@@ -13,7 +13,8 @@ from lxml import html
 from tests.support import command
 from tests.support.small_campaign import SMALL, write_project
 
-SHORT = (*SMALL, "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1")
+SHORT = (*SMALL, "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3", "--jobs", "1",
+         "--against", "none")  # fmt: skip
 DRIVER = """import random
 import threading
 import time

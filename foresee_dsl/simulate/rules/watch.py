@@ -116,15 +116,15 @@ class RuleWatch:
         """Return whether another actor has priority at an area now, and has not passed it."""
         return any(contender.actor == other for contender in contenders(self._simulation, self._actor, area))
 
-    def end(self, decision: RunEnd) -> tuple[Infraction, ...]:
-        """Return all infractions of the run in the order of time, after the run has ended with this decision.
+    def end(self, run_end: RunEnd) -> tuple[Infraction, ...]:
+        """Return all infractions of the run in the order of time, after the run has ended so.
 
         A contact with an actor that has priority is an infraction at this frame. A second call changes nothing.
         """
         self.look()
         for area in self._inside:
-            if any(contender.actor == decision.with_ for contender in area.contenders):
-                self._take(area, decision.with_)
+            if any(contender.actor == run_end.with_ for contender in area.contenders):
+                self._take(area, run_end.with_)
         self._inside = []
         for rule in tuple(self._open):
             self._close(rule)
