@@ -239,9 +239,12 @@ class Stages:
         return limits.for_run(node.step.simulated_s(node.case, self.settings)) * node.step.runs
 
     def _trace(self, node: StepNode) -> InputRef | None:
+        """Return the trace of a step's run; of a step without a run, the one that it read."""
         row = self.row(node)
-        if row is None or not row.trace or self._store is None:
+        if row is None or self._store is None:
             return None
+        if not row.trace:
+            return self._trace(node.over(node.step.reads)) if node.step.reads else None
         return InputRef(row.trace, self._store.blobs.path(row.trace))
 
 

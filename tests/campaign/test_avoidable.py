@@ -16,7 +16,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
-from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign
+from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign, write_project
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 LONELY = """foresee 1
@@ -119,3 +119,14 @@ def test_failures_do_not_count_if_their_clip_fails_or_deviates(red_light: tuple[
     assert dropped and all(any(name.startswith(clip.name) for clip in doubtful) for name in dropped)
     assert dropped.isdisjoint(path.stem for path in out.rglob("*.npz"))
     assert dropped.isdisjoint(path.stem for path in out.rglob("*.foresee"))
+
+
+def test_more_children_are_drawn_from_the_stored_run_of_the_test_case(tmp_path: Path) -> None:
+    """No trace is stored for a clip that is not run."""
+    file = write_project(tmp_path / "project")
+    few, many = (replace(SEARCH, ranker="random", children=count, against=()) for count in (1, 4))
+    campaign(file, tmp_path / "out", few)
+    result, heard = campaign(file, tmp_path / "out", many)
+    assert not result.broken and not heard.count("clip") and heard.count("mutants") == len(result.clips) > 0
+    anew, _ = campaign(file, tmp_path / "anew", many)
+    assert [child.digest for child in result.children] == [child.digest for child in anew.children]

@@ -62,7 +62,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         return settings.risky_points
 
     @Part.CLIP.measured
-    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace | None]:
         """Run the clip and compare it."""
         if not self.from_parent:
             return run_clip(self, work, case, trace)
@@ -71,7 +71,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             text=self.draft.text, rank=self.draft.rank, verdict=Verdict.PASS, largest_m=math.inf, median_m=math.inf,
             within=math.inf, ego_m=math.inf, not_run=True,
         )  # fmt: skip
-        return outcome, _seconds_of(clip_of(self.draft.text), _parent_trace(self, trace))
+        return outcome, None
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ClipOutcome:
         """Return the clip's record for a broken run."""
@@ -80,11 +80,13 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
 
 def run_clip(step: ClipPart[Any, Any], work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
     """Run the clip of a step without mutation and compare it; `trace` is that of the parent's run."""
-    parent_trace, draft = _parent_trace(step, trace), step.draft
+    draft = step.draft
+    if trace is None:
+        raise ValueError(f"clip {draft.name} cannot be compared, because its parent's trace is missing")
     started = time.perf_counter()
     file = work.folder / f"{draft.name}.foresee"
     own = clip_case(draft.text, work.case, file)
-    model, result, fidelity = _measured(clip_of(draft.text), own, parent_trace, work.setup(step.seed))
+    model, result, fidelity = _measured(clip_of(draft.text), own, trace, work.setup(step.seed))
     outcome = ClipOutcome.of(
         result,
         seed=case.id,
@@ -102,18 +104,6 @@ def run_clip(step: ClipPart[Any, Any], work: Work, case: TestCase, trace: Trace 
         notes=notes_of(result),
     )
     return outcome, result.trace
-
-
-def _parent_trace(step: ClipPart[Any, Any], trace: Trace | None) -> Trace:
-    if trace is None:
-        raise ValueError(f"clip {step.draft.name} cannot be compared, because its parent's trace is missing")
-    return trace
-
-
-def _seconds_of(clip: Clip, parent_trace: Trace) -> Trace:
-    """Return the seconds of its parent's run that a clip contains."""
-    first, last = (parent_trace.frame_at(at_s) for at_s in (clip.start_s, clip.end_s))
-    return parent_trace.part(first, last + 1)
 
 
 def broken_clip(step: ClipPart[Any, Any], case: TestCase, file: str, verdict: Verdict, reason: str) -> ClipOutcome:

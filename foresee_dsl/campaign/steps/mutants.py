@@ -37,7 +37,10 @@ SEARCHED_FOR = 3
 
 @dataclass(frozen=True, eq=False)
 class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
-    """Mutate a clip with one seed; `request`: the request of a round, if mutants are allocated in rounds."""
+    """Mutate a clip with one seed.
+
+    `request`: the request of a round, if mutants are allocated in rounds. `from_parent`: see `ClipStep`.
+    """
 
     kind = "mutants"
     title = "mutations"
@@ -51,6 +54,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     usual_s = 0.05
 
     request: RoundRequest = NO_ROUNDS
+    from_parent: bool = False
 
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
@@ -61,7 +65,7 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
             key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
                                operators=campaign.operators, **request_part)  # fmt: skip
-            yield cls(key, above.name, seed, draft, request)
+            yield cls(key, above.name, seed, draft, request, above.from_parent)
 
     def again(self, request: RoundRequest, clip: ClipStep, campaign: KeyInputs) -> Self:
         """Return the step that mutates the same clip with the same seed in a later round."""
@@ -82,11 +86,10 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     @Part.MUTATE.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Mutants, None]:  # noqa: ARG002
         """Mutate the clip."""
-        if trace is None:
-            raise ValueError(f"clip {self.draft.name} is mutated without the trace of a run")
-        settings, text = work.settings, self.draft.text
-        parent = clip_case(text, work.case, work.folder / f"{self.draft.name}.foresee")
-        mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset, plans=self.request.plans)
+        trace, settings = self.clip_trace(trace), work.settings
+        parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
+        clip = clip_of(self.draft.text)
+        mutator = Mutator(parent, clip, trace, preset=settings.preset, plans=self.request.plans)
         driver = driver_of(trace, settings.driver)
         drafts = []
         for number, mutant in self._drawn(mutator, parent, work, driver):
@@ -95,6 +98,15 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
             drafts.append(MutantDraft(number, print_model(mutant), meaning, suffix))
         searched = mutator.searched(self.seed, SEARCHED_FOR * settings.children) if self.request.round else 0
         return Mutants(tuple(drafts), mutator.plans, searched), None
+
+    def clip_trace(self, trace: Trace | None) -> Trace:
+        """Return the clip's own trace, or its seconds of the parent's trace, from the trace that the step has read."""
+        if trace is None:
+            raise ValueError(f"clip {self.draft.name} is mutated without the trace of a run")
+        if not self.from_parent:
+            return trace
+        clip = clip_of(self.draft.text)
+        return trace.part(trace.frame_at(clip.start_s), trace.frame_at(clip.end_s) + 1)
 
     def _drawn(self, mutator: Mutator, parent: TestCase, work: Work, driver: str) -> Iterator[tuple[int, Mutant]]:
         """Yield the mutants with their numbers."""

@@ -149,7 +149,7 @@ class Step(ABC, Generic[Above, Result]):
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Record, Trace | None]:
         """Carry out the step in a worker; return its result, and its trace if that is stored.
 
-        `trace` is that of the run which `reads` names.
+        `trace` is that of the run which `reads` names; if that step has no run of its own, the one that it read.
         """
 
     @staticmethod
@@ -207,7 +207,7 @@ def run_steps(work: Work) -> Iterator[StepResult]:
     for step in then:
         if not step.wanted(result.record, settings):
             return
-        yield _run_step(step, work, case, trace)[0]
+        yield _run_step(step, work, case, trace if trace is not None else trace_read)[0]
 
 
 def _run_step(

@@ -36,7 +36,7 @@ class ProposedMutants(MutantsStep):
     @classmethod
     def at(cls, clip: ClipStep, number: int, points: tuple[tuple[int, Point], ...]) -> Self:
         """Return the step for a clip, still without its key (`again`); `number`: that of the search's round."""
-        return cls("", clip.name, clip.seed, clip.draft, RoundRequest(number), points)
+        return cls("", clip.name, clip.seed, clip.draft, RoundRequest(number), clip.from_parent, points)
 
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: KeyInputs) -> Iterator[Self]:  # noqa: ARG003
@@ -51,9 +51,7 @@ class ProposedMutants(MutantsStep):
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Mutants, None]:  # noqa: ARG002
         """Make the mutants; a point that changes nothing has none."""
-        if trace is None:
-            raise ValueError(f"clip {self.draft.name} is mutated without its own run's trace")
-        settings, text = work.settings, self.draft.text
+        trace, settings, text = self.clip_trace(trace), work.settings, self.draft.text
         parent = clip_case(text, work.case, work.folder / f"{self.draft.name}.foresee")
         situation = Mutator(parent, clip_of(text), trace, preset=settings.preset).situation
         driver = driver_of(trace, settings.driver)
