@@ -117,7 +117,7 @@ def _drop_untrusted(
     clips: dict[StepNode, ClipOutcome], children: dict[StepNode, dict[StepNode, ChildOutcome]], traces: Traces,
     limit_m: float,
 ) -> None:  # fmt: skip
-    """Remove the mutants of clips that fail or deviate too far; such a clip was run only after its mutants."""
+    """Remove the mutants of each clip that was run after them and that fails or deviates too far."""
     for clip in (clip for clip, outcome in clips.items() if not outcome.trusted(limit_m)):
         for node in children[clip]:
             traces.pop(f"traces/{node.step.name}.npz", None)

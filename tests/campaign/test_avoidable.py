@@ -126,7 +126,18 @@ def test_more_children_are_drawn_from_the_stored_run_of_the_test_case(tmp_path: 
     file = write_project(tmp_path / "project")
     few, many = (replace(SEARCH, ranker="random", children=count, against=()) for count in (1, 4))
     campaign(file, tmp_path / "out", few)
+    with Store(tmp_path / "out" / "store", write=False) as store:
+        assert {bool(trace) for (trace,) in store.execute("SELECT trace FROM runs WHERE kind = 'clip'")} == {False}
     result, heard = campaign(file, tmp_path / "out", many)
     assert not result.broken and not heard.count("clip") and heard.count("mutants") == len(result.clips) > 0
     anew, _ = campaign(file, tmp_path / "anew", many)
     assert [child.digest for child in result.children] == [child.digest for child in anew.children]
+
+
+def test_mutants_of_all_seeds_have_one_run_of_their_clip(tmp_path: Path) -> None:
+    """It has the seed of the parent's run, with which it is compared."""
+    settings = replace(SEARCH, children=2, repeat=3, against=())
+    result, heard = campaign(write_project(tmp_path / "project"), tmp_path / "out", settings)
+    run = [clip for clip in result.clips if not clip.not_run]
+    seeds = {child.name.partition("_s")[2][:1] for clip in run for child in clip.failing}
+    assert len(seeds) > 1 and heard.count("check") == len(run)

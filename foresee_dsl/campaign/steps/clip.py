@@ -1,7 +1,7 @@
 """Step after a forecast: a clip is run without mutation and compared with the run that it was cut from.
 
-With a preset that draws mutants from the parent's run (`Preset.draws_from_parent`), the step takes the clip's seconds
-of that run instead, and `clip_check` runs the clip after a mutant of it has failed.
+With a preset that draws mutants from the parent's run (`Preset.draws_from_parent`), this step runs nothing, and
+`clip_check` runs the clip after a mutant of it has failed.
 """
 
 from __future__ import annotations

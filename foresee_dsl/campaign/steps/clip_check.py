@@ -33,7 +33,6 @@ class ClipCheckStep(ClipPart["ChildStep", ChildOutcome]):
     reads = "seed"
     of_failures = True
     turn = 2
-    share = 0.08
     usual_s = 0.2
 
     @staticmethod
@@ -45,8 +44,9 @@ class ClipCheckStep(ClipPart["ChildStep", ChildOutcome]):
     def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield the one run of the clip; all failing mutants of a clip have the same."""
         if result is not None and campaign.draws_from_parent:
-            key = campaign.key(cls, clip=above.draft.pin, driver=campaign.driver, seed=above.seed)
-            yield cls(key, above.draft.name, above.seed, above.draft)
+            seed = campaign.settings.seed  # that of the parent's run, whatever the seed of the mutant
+            key = campaign.key(cls, clip=above.draft.pin, driver=campaign.driver, seed=seed, **campaign.goal)
+            yield cls(key, above.draft.name, seed, above.draft)
 
     @Part.CLIP.measured
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:

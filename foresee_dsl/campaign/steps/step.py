@@ -35,7 +35,8 @@ class KeyInputs:
         driver, ranker, operators: their identities in keys (see `campaign.keys`).
         references: each reference driver's address, and its identity in keys.
         key: returns the key of a step's class and the parts that its result depends on.
-        draws_from_parent: mutants are drawn from the parent's run (`Preset.draws_from_parent`).
+        draws_from_parent: mutants are drawn from the parent's run (`Preset.draws_from_parent`). It is stated here, so
+            that the key of a clip does not depend on the code of the presets.
         earlier: returns the failing mutants of earlier campaigns that are run first in a clip with a text; None if
             there are none.
     """
