@@ -117,11 +117,14 @@ def _drop_untrusted(
     clips: dict[StepNode, ClipOutcome], children: dict[StepNode, dict[StepNode, ChildOutcome]], traces: Traces,
     limit_m: float,
 ) -> None:  # fmt: skip
-    """Remove the mutants of each clip that was run after them and that fails or deviates too far."""
-    for clip in (clip for clip, outcome in clips.items() if not outcome.trusted(limit_m)):
-        for node in children[clip]:
-            traces.pop(f"traces/{node.step.name}.npz", None)
-        children[clip] = {}
+    """Remove the mutants of each clip that was run after them and that fails or deviates too far; the clip states
+    their number.
+    """
+    for clip, outcome in clips.items():
+        if not outcome.trusted(limit_m):
+            for node in children[clip]:
+                traces.pop(f"traces/{node.step.name}.npz", None)
+            clips[clip], children[clip] = replace(outcome, dropped=len(children[clip])), {}
 
 
 def _run_beside(node: StepNode, row: Row, driver: str) -> Traces:

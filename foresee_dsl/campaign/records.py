@@ -270,6 +270,7 @@ class ClipOutcome(RunRecord):
     `others_m`: largest deviation of each other actor. `ego_m`: the deviation of the ego.
     `not_run`: its mutants were drawn from the parent's run, and none failed, so it was not run; its verdict is that of
     the parent's run, and its deviations are not known (infinite).
+    `dropped`: number of its mutants that do not count, because the clip was run after them and failed or deviated.
     """
 
     seed: str
@@ -286,6 +287,7 @@ class ClipOutcome(RunRecord):
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
     not_run: bool = False
+    dropped: int = 0
 
     def as_document(self) -> dict[str, object]:
         """Return its JSON document."""
@@ -294,6 +296,7 @@ class ClipOutcome(RunRecord):
             "test_case": self.seed,
             "verdict": self.verdict,
             "not_run": where_set(self.not_run or None),
+            "dropped": where_set(self.dropped or None),
             "deviation_m": {
                 "max": rounded(or_null(self.largest_m), 4),
                 "median_others": rounded(or_null(self.median_m), 4),

@@ -117,6 +117,9 @@ def test_failures_do_not_count_if_their_clip_fails_or_deviates(red_light: tuple[
     ran = {name for kind, name in zip(heard.kinds, heard.names, strict=True) if kind == "child"}
     dropped = ran - {child.name for child in result.children}
     assert dropped and all(any(name.startswith(clip.name) for clip in doubtful) for name in dropped)
+    assert sum(clip.dropped for clip in doubtful) == len(dropped) == sum(clip.dropped for clip in result.clips)
+    clips = json.loads((out / "campaign.json").read_text())["clip_runs"]
+    assert sum(clip.get("dropped", 0) for clip in clips) == len(dropped)
     assert dropped.isdisjoint(path.stem for path in out.rglob("*.npz"))
     assert dropped.isdisjoint(path.stem for path in out.rglob("*.foresee"))
 
