@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from foresee_dsl.avoidance.candidates.behaviours import Kind
 from foresee_dsl.campaign.execution.engine import run_campaign
@@ -15,6 +16,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.report.terminal.campaign import print_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
 from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign, write_project
 
@@ -120,6 +122,9 @@ def test_failures_do_not_count_if_their_clip_fails_or_deviates(red_light: tuple[
     assert sum(clip.dropped for clip in doubtful) == len(dropped) == sum(clip.dropped for clip in result.clips)
     clips = json.loads((out / "campaign.json").read_text())["clip_runs"]
     assert sum(clip.get("dropped", 0) for clip in clips) == len(dropped)
+    console = Console(record=True, width=160)
+    print_campaign(console, result, out)
+    assert f"not counted: {len(dropped)} children of {len(doubtful)} clips whose own run fails" in console.export_text()
     assert dropped.isdisjoint(path.stem for path in out.rglob("*.npz"))
     assert dropped.isdisjoint(path.stem for path in out.rglob("*.foresee"))
 

@@ -233,7 +233,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
         yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes else "")
     if dropped := [clip for clip in result.clips if clip.dropped]:
-        of = f"{counted(sum(clip.dropped for clip in dropped), 'child', 'children')} of {counted(dropped, 'clip')}"
+        of = f"{counted(sum(clip.dropped for clip in dropped), 'child', 'children')} of {counted(len(dropped), 'clip')}"
         yield Text(f"not counted: {of} whose own run fails or strays from the parent's run")
     if settings.in_rounds and children:
         yield Text(_allocated(result))
