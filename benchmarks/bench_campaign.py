@@ -80,7 +80,7 @@ def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
     file, out = folder / "made_up.foresee", folder / "out"
     lines = "".join(f"  case c{k} {{ begin = {k + 1} m }}\n" for k in range(cases))
     file.write_text(f"{_SCENARIO}{lines}}}\n", encoding="utf-8")
-    settings = CampaignSettings(driver="idm", ranker="foresee", preset="focused", repeat=repeat)
+    settings = CampaignSettings(driver="idm", ranker="foresee", preset="focused", risky_points=4, repeat=repeat)
     options = RunOptions(jobs=2, executor=lambda how: Idle(how.jobs))
     began = time.perf_counter()
     with Store(out / "store") as store:

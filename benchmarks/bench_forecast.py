@@ -35,7 +35,7 @@ _TIMES = 5
 
 def figures() -> Iterator[Figure]:
     """Measure, and return the share."""
-    settings = CampaignSettings(ranker="foresee", preset="focused")
+    settings = CampaignSettings(ranker="foresee", preset="focused", risky_points=4)
     simulating_s = forecasting_s = cutting_s = rolling_s = 0.0
     rolled_out = 0
     with tempfile.TemporaryDirectory() as folder:

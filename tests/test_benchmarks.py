@@ -122,7 +122,7 @@ def test_the_study_is_as_large_as_the_papers() -> None:
     study, bundled = (read_campaign(data_folder("scenarios") / f"{name}.foresee") for name in ("study", "campaign"))
     assert study.paths == bundled.paths
     repeat = int(study.settings["repeat"])
-    assert dict(bundled.settings.items() - study.settings.items()) == {"preset": "avoidable"}
+    assert dict(bundled.settings.items() - study.settings.items()) == {"preset": "avoidable", "risky_points": 3}
     assert study.settings["preset"] == "focused", "with which the library gives so many children"
     assert 34_416 <= 1_220 * repeat < 36_000
 

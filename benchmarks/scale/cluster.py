@@ -19,7 +19,7 @@ from foresee_dsl.campaign.workers.cluster import dask
 from foresee_dsl.campaign.workers.pool import RunOptions, local
 
 WORKERS = (2, 4, 8)
-SETTINGS = CampaignSettings(ranker="foresee", preset="focused", repeat=2, against=())
+SETTINGS = CampaignSettings(ranker="foresee", preset="focused", risky_points=4, repeat=2, against=())
 
 
 def measure(executor: str, jobs: int) -> tuple[float, int]:

@@ -78,11 +78,13 @@ def main() -> None:
     for option, default in (("driver", "pdm"), ("ranker", "foresee"), ("preset", "focused")):
         parser.add_argument(f"--{option}", default=default)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--risky-points", type=int, default=CampaignSettings.risky_points)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/allocations"))
     options = parser.parse_args()
     settings = CampaignSettings(
         driver=options.driver, ranker=options.ranker, preset=options.preset, seed=options.seed,
+        risky_points=options.risky_points,
         handover_s=handover_of(load_driver(options.driver), 5.0 - DRIVES_S),
         against=tuple(name for name in AGAINST if name != options.driver),
     )  # fmt: skip

@@ -34,6 +34,7 @@ from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_study.faults.measures import Confusion
 from foresee_study.faults.plug_in_path import address
 from foresee_study.faults.table import table_lines
+from foresee_study.settings import POINTS
 
 HEALTHY = "pdm"
 """The driver into which the faults are seeded."""
@@ -83,7 +84,7 @@ def measure_judgement(
         say: function that is called with a line for each failure.
     """
     settings = CampaignSettings(
-        driver=HEALTHY, ranker="foresee", preset="focused", against=WITNESSES, rules=RulesMode.OFF
+        driver=HEALTHY, ranker="foresee", preset="focused", risky_points=POINTS, against=WITNESSES, rules=RulesMode.OFF
     )
     with Store(out / "store") as store:
         result = run_campaign(cases, settings, out=out / "campaign", store=store, options=RunOptions(jobs=jobs))

@@ -43,6 +43,7 @@ from foresee_study.faults.evidence import (
 from foresee_study.faults.evidence import load as load_evidence
 from foresee_study.faults.evidence import save as save_evidence
 from foresee_study.faults.plug_in_path import address, healthy
+from foresee_study.settings import POINTS
 
 MOST_SEEDS = 50
 """Maximum number of seeds of the sensors' noise with which the plain test cases are driven. Ours."""
@@ -105,8 +106,9 @@ class Search:
         driver, twin = address(self.fault, self.strength), healthy(self.fault)
         against = (twin, *(judge for judge in self.judges if judge != twin))
         base = CampaignSettings(
-            driver=driver, ranker="foresee", preset="focused", against=against, seed=self.seed, rules=RulesMode.OFF
-        )
+            driver=driver, ranker="foresee", preset="focused", risky_points=POINTS, against=against, seed=self.seed,
+            rules=RulesMode.OFF,
+        )  # fmt: skip
         return replace(base, **(self.approach.settings or {}))
 
     def key(self, cases: Sequence[TestCase]) -> str:
