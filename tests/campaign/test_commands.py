@@ -88,8 +88,8 @@ def _look_at_plan_and_store(project: Path, out: Path, tmp_path: Path) -> None:
     other = json.loads(foresee("plan", project, "--driver", "pdm", "--out", out, "--format", "json").stdout)
     assert other["runs"] == {
         "to_run": 3,
-        "at_most_more": 405,
-    }  # 48 children, each with three references, also made smaller; and those of the three test cases
+        "at_most_more": 306,
+    }  # 36 children, each with three references, also made smaller; and those of the three test cases
     assert foresee("plan", project, *OPTIONS, "--out", out, "--format", "dot").stdout.startswith("digraph campaign {")
     stat = json.loads(foresee("store", "stat", out / "store", "--json").stdout)
     assert sum(stat["kinds"]["child"].values()) == 6 and stat["broken"] == 0

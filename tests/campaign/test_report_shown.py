@@ -55,7 +55,7 @@ def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> 
     text = shown(CampaignResult(settings, (replace(PASSED, near=near),), (), 1.0))
     assert "0.31 m from walker\\x1b[0m at 4.35 s  a.foresee::r01" in text
     begins = "foresee campaign a.foresee --driver pdm --out out --before 3 --seed 7"
-    assert f"{begins} --risky-points 8 --children 8 " in text and f"{begins} --ranker exhaustive " in text
+    assert f"{begins} --risky-points 6 --children 8 " in text and f"{begins} --ranker exhaustive " in text
 
 
 def test_paths_stay_whole_on_a_narrow_terminal() -> None:
