@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from foresee_study.folder import StudyFolder
 from foresee_study.halves import Half
-from foresee_study.measured import Child, MeasuredCampaign, MeasuredCase, MeasuredClip
+from foresee_study.measured import Child, Counted, MeasuredCampaign, MeasuredCase, MeasuredClip
 from foresee_study.measuring import measure
 from foresee_study.results import Results
 from foresee_study.running import stages_of
@@ -23,7 +23,7 @@ from foresee_study.search.protocol import FAR, OBJECTIVES, Evaluation, Point, Se
 from foresee_study.search.samota import Samota
 from foresee_study.search.searches import SEARCHES
 from foresee_study.search.space import changes_at, dimensions_of, run_margins, values_of
-from foresee_study.settings import StudyCampaign
+from foresee_study.settings import EXHAUSTIVE, StudyCampaign
 from foresee_study.tables.searches import rates, searches, techniques, within
 
 from foresee_dsl.campaign.execution.engine import run_missing
@@ -244,6 +244,28 @@ def test_the_figures_in_the_documentation_are_those_of_the_stored_measurements(r
     for name, results in (("search", study), ("search_large", large)):
         table = rates(results)
         assert (pages / f"{name}.csv").read_text() == table.as_csv(), name
+
+
+@pytest.mark.parametrize("what", [Counted.FINDINGS, Counted.AVOIDABLE])
+def test_the_best_of_the_paper_s_rankers_is_that_of_the_stored_measurements(root: Path, what: Counted) -> None:
+    """For each driver, the table that compares them with `reach` names the ranker with the highest rate."""
+    text = (root / "docs" / "background" / "method.md").read_text(encoding="utf-8")
+    table = text.partition("best other ranker: findings an hour")[2].partition("\n\n")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:]]
+    assert {row[0].strip("`") for row in rows} == {"pdm", "idm", "frenetix", "fusion_safe", "fusion"}
+    for row in rows:
+        driver, cell = row[0].strip("`"), row[-2 if what is Counted.FINDINGS else -1]
+        study = StudyFolder(root / "benchmarks" / ("idm_study" if driver == "idm" else "study"))
+        own: dict[str, list[MeasuredCampaign]] = {}
+        for m in Results.of(study, Half.ODD).with_beside(driver):
+            if m.ranker != EXHAUSTIVE:
+                own.setdefault(m.ranker, []).append(m)
+        rates_of = {
+            name: sum(m.count(what) for m in each) / sum(m.simulated_s for m in each) * 3600
+            for name, each in own.items()
+        }
+        best = max(rates_of, key=rates_of.__getitem__)
+        assert cell == f"`{best}` {rates_of[best]:.1f}"
 
 
 def test_a_ranker_is_cut_in_the_order_of_its_runs() -> None:
