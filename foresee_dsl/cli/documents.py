@@ -41,7 +41,7 @@ from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.codes import Code
-from foresee_dsl.language.diff.addresses import Comparison as Differences
+from foresee_dsl.language.diff.addresses import Differences
 from foresee_dsl.language.repinning.repin import DerivedFile
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses

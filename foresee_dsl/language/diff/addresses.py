@@ -25,7 +25,7 @@ _RUNS = (m.Scenario, m.Extension, m.Clip, m.Mutant)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Differences:
     """The result of comparing two addresses: `changes` lists the differences in meaning, `texts` the other
     differences."""
 
@@ -44,7 +44,7 @@ class Comparison:
         return tuple(group for group in GROUPS if any(change.group == group for change in self.changes))
 
 
-def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:
+def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Differences:
     """Return the comparison of two files, or of two test cases (`file.foresee::case`).
 
     Two files of one kind are compared as written, with the networks and models that they use. Two test cases, and a
@@ -61,8 +61,8 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
         a, b = (project.whole_scenario(file, drawn=False) for file in (old_file, new_file))
     texts_only = texts(a, b) if type(a) is type(b) and old_file != new_file else ()
     if old_case or new_case or (type(a) is not type(b) and isinstance(a, _RUNS) and isinstance(b, _RUNS)):
-        return Comparison(old, new, diff_cases(*_cases(project, (old, a), (new, b))), texts_only)
-    return Comparison(old, new, diff_files(project, (old_file, a), (new_file, b)), texts_only)
+        return Differences(old, new, diff_cases(*_cases(project, (old, a), (new, b))), texts_only)
+    return Differences(old, new, diff_files(project, (old_file, a), (new_file, b)), texts_only)
 
 
 def parent_address(derived: str) -> str:

@@ -3,6 +3,6 @@
 The unit of all counts is a test case in one repetition.
 """
 
-from foresee_study.statistics.comparison import Comparison, NotTested, Pair, compare
+from foresee_study.statistics.comparison import NotTested, Pair, PairedComparison, compare
 
-__all__ = ["Comparison", "NotTested", "Pair", "compare"]
+__all__ = ["NotTested", "Pair", "PairedComparison", "compare"]

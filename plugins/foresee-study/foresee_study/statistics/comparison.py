@@ -36,7 +36,7 @@ class NotTested:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PairedComparison:
     """The comparison of two techniques on the same units.
 
     Attributes:
@@ -70,7 +70,7 @@ class Comparison:
         return (self.ratio - 1) * 100
 
 
-def compare(pairs: Sequence[Pair]) -> Comparison:
+def compare(pairs: Sequence[Pair]) -> PairedComparison:
     """Return the comparison of two techniques; with fewer than six test cases there is no test, regardless of the
     repetitions.
 
@@ -84,7 +84,7 @@ def compare(pairs: Sequence[Pair]) -> Comparison:
         sums[pair.case][1] += pair.second
     totals = list(sums.values())
     by_rank, by_flips = _tested(first, second, totals)
-    return Comparison(
+    return PairedComparison(
         first=sum(first),
         second=sum(second),
         pairs=len(pairs),

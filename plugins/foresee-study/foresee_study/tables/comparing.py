@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from foresee_study.statistics import Comparison, NotTested
+from foresee_study.statistics import NotTested, PairedComparison
 from foresee_study.statistics.effects import a12_size, holm
 from foresee_study.tables.table import Column, Row, RowKind, Table, Value
 
@@ -33,7 +33,7 @@ class Compared:
 
     heading: str
     label: str
-    comparison: Comparison
+    comparison: PairedComparison
 
 
 def comparison_table(name: str, title: str, compared: Sequence[Compared]) -> Table:
