@@ -68,7 +68,7 @@ class CampaignSettings:
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
         risky_points: n_rp, maximum number of risky points per run; points with the same clip count once. Ours: with
-            the default ranker the paper's fourth point has 1 of 59 findings and takes a fifth of the time.
+            `reach` the paper's fourth point has 1 of 59 findings of the even half and takes a fifth of the time.
         children: c, number of mutants per clip.
         seed: seed of all random choices.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
