@@ -51,9 +51,10 @@ class Child(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredClip:
-    """A clip, run unmutated, and its mutants.
+    """A clip and its mutants.
 
-    `position`: rank in its test case, from 0. `at_s`: its risky point in the test case's time, s; None in files written
+    `simulated_s`, `wall_s`: times of its unmutated run, 0 without one, and of mutants that do not count because this run
+    fails or deviates. `position`: rank in its test case, from 0. `at_s`: its risky point in the test case's time, s; None in files written
     before this was recorded.
     """
 

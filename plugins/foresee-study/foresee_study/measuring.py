@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import io
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.clip import ClipStep
+from foresee_dsl.campaign.steps.clip_check import ClipCheckStep
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.forecast.foresee import close_encounters
 from foresee_dsl.forecast.settings import ForeseeSettings
@@ -27,8 +32,12 @@ def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCamp
     """Return the results of a campaign in its store; missing steps are left out."""
     settings = stages.settings
     result, _ = assemble(stages, stages.out)
-    rows = {(node.step.kind, node.step.name): row for node, row in stages.walk() if row is not None}
-    wall_s = {step: row.wall_s for step, row in rows.items()}
+    ran = [(node, row) for node, row in stages.walk() if row is not None]
+    rows = {(node.step.kind, node.step.name): row for node, row in ran}
+    children: defaultdict[str, list[Row]] = defaultdict(list)
+    for node, row in ran:
+        if node.step.kind == ChildStep.kind:
+            children[node.over(ClipStep.kind).step.name].append(row)
     names = {node.case.id: node.step.name for node in stages.seeds}
     clips: dict[str, list[ClipOutcome]] = {}
     for clip in result.clips:  # sorted by test case and rank
@@ -40,9 +49,9 @@ def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCamp
             half=half_of(seed.id),
             verdict=seed.verdict,
             simulated_s=round(seed.duration_s, 2),
-            wall_s=round(wall_s["seed", names[seed.id]], 4),
+            wall_s=round(rows["seed", names[seed.id]].wall_s, 4),
             story=_story(seed.story, seed.family),
-            clips=tuple(_clip(k, clip, wall_s) for k, clip in enumerate(clips.get(seed.id, ()))),
+            clips=tuple(_clip(k, clip, rows, children[clip.name]) for k, clip in enumerate(clips.get(seed.id, ()))),
             encounters_s=_encounters_s(store, rows["seed", names[seed.id]], settings)
             if seed.verdict is Verdict.PASS
             else None,
@@ -68,20 +77,29 @@ def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCamp
     )
 
 
-def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]) -> MeasuredClip:
-    children = (
+def _clip(position: int, clip: ClipOutcome, rows: Mapping[tuple[str, str], Row], children: Sequence[Row]) -> MeasuredClip:
+    """Return a clip; `children`: the rows of all its mutants. The time of those that do not count is the clip's."""
+    counted = tuple(
         Child(
             verdict=child.verdict,
             simulated_s=round(child.duration_s, 2),
-            wall_s=round(wall_s["child", child.name], 4),
+            wall_s=round(rows["child", child.name].wall_s, 4),
             story=_story(child.story, clip.family),
             avoided_by=avoided_by(child),
             steered=child.story.grounds.steered if child.story is not None else None,
         )
         for child in clip.children
     )
-    simulated_s, wall = round(clip.duration_s, 2), round(wall_s["clip", clip.name], 4)
-    return MeasuredClip(position, clip.verdict, simulated_s, wall, tuple(children), _risky_point_s(clip))
+    own = [row for kind in (ClipStep.kind, ClipCheckStep.kind) if (row := rows.get((kind, clip.name))) is not None]
+    without = children if clip.dropped else ()
+    return MeasuredClip(
+        position,
+        clip.verdict,
+        round(clip.duration_s + sum(row.simulated_s for row in without), 2),
+        round(sum(row.wall_s for row in (*own, *without)), 4),
+        counted,
+        _risky_point_s(clip),
+    )
 
 
 def _risky_point_s(clip: ClipOutcome) -> float | None:

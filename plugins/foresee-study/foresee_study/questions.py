@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_study.settings import BUNDLED, CHOSEN_S, EVERY_POINT, EXHAUSTIVE, StudyCampaign, StudySettings
 
 CLIPS_S = (6.0, 10.0)
@@ -101,6 +102,13 @@ def _searches(settings: StudySettings) -> Iterator[StudyCampaign]:
     yield from sorted(every, key=lambda wanted: wanted.repetition)
 
 
+def _default(settings: StudySettings) -> Iterator[StudyCampaign]:
+    """Yield the campaigns with the ranker and the preset of `foresee campaign`, with one more risky point than it has, so
+    that both numbers can be compared."""
+    for wanted in campaigns(settings, (CampaignSettings.ranker,)):
+        yield replace(wanted, preset=CampaignSettings.preset)
+
+
 def _of(settings: StudySettings, *names: str) -> tuple[str, ...]:
     return tuple(name for name in names if name in settings.rankers)
 
@@ -123,10 +131,13 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
             Question("search", "Searches from the literature",
                      "What do the rankers and the searches of other papers find in the same simulated time?",
                      _searches),
+            Question("default", "The default search",
+                     "What does the search of `foresee campaign` find, and the others in the simulated time that it "
+                     "takes?", _default),
         )
     }
 )  # fmt: skip
-"""The paper's questions (section 4.1), by name, and ours: `search`."""
+"""The paper's questions (section 4.1), by name, and ours: `search` and `default`."""
 PAPERS = tuple(name for name in QUESTIONS if name.startswith("rq"))
 """The paper's questions."""
 
