@@ -53,9 +53,9 @@ class Child(NamedTuple):
 class MeasuredClip:
     """A clip and its mutants.
 
-    `simulated_s`, `wall_s`: times of its unmutated run, 0 without one, and of mutants that do not count because this run
-    fails or deviates. `position`: rank in its test case, from 0. `at_s`: its risky point in the test case's time, s; None in files written
-    before this was recorded.
+    `simulated_s`, `wall_s`: times of its unmutated run (0 without one), and of mutants that do not count because this
+    run fails or deviates. `position`: rank in its test case, from 0. `at_s`: its risky point in the test case's time,
+    s; None in files written before this was recorded.
     """
 
     position: int

@@ -77,7 +77,9 @@ def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCamp
     )
 
 
-def _clip(position: int, clip: ClipOutcome, rows: Mapping[tuple[str, str], Row], children: Sequence[Row]) -> MeasuredClip:
+def _clip(
+    position: int, clip: ClipOutcome, rows: Mapping[tuple[str, str], Row], children: Sequence[Row]
+) -> MeasuredClip:
     """Return a clip; `children`: the rows of all its mutants. The time of those that do not count is the clip's."""
     counted = tuple(
         Child(

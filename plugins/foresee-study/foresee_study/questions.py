@@ -103,8 +103,8 @@ def _searches(settings: StudySettings) -> Iterator[StudyCampaign]:
 
 
 def _default(settings: StudySettings) -> Iterator[StudyCampaign]:
-    """Yield the campaigns with the ranker and the preset of `foresee campaign`, with one more risky point than it has, so
-    that both numbers can be compared."""
+    """Yield the campaigns with the ranker and the preset of `foresee campaign`, with the study's number of risky
+    points; they contain the clips of fewer points."""
     for wanted in campaigns(settings, (CampaignSettings.ranker,)):
         yield replace(wanted, preset=CampaignSettings.preset)
 

@@ -23,7 +23,7 @@ from foresee_study.tables.effectiveness import effectiveness
 from foresee_study.tables.efficiency import WALL, efficiency
 from foresee_study.tables.generality import generality
 from foresee_study.tables.rankers import comparison
-from foresee_study.tables.searches import searches
+from foresee_study.tables.searches import default_search, searches
 from foresee_study.tables.table import Table
 
 TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
@@ -34,6 +34,7 @@ TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
         "rq4": complementarity,
         "rq5": generality,
         "search": searches,
+        "default": default_search,
     }
 )
 """For each question, the function that makes its tables."""

@@ -24,7 +24,7 @@ from foresee_study.search.samota import Samota
 from foresee_study.search.searches import SEARCHES
 from foresee_study.search.space import changes_at, dimensions_of, run_margins, values_of
 from foresee_study.settings import EXHAUSTIVE, StudyCampaign
-from foresee_study.tables.searches import rates, searches, techniques, within
+from foresee_study.tables.searches import DEFAULT, beside_default, default_search, rates, searches, techniques, within
 
 from foresee_dsl.campaign.execution.engine import run_missing
 from foresee_dsl.campaign.records import ChildOutcome, decode
@@ -236,6 +236,43 @@ def test_the_table_counts_at_equal_time_and_says_how_many_were_steered_into_the_
     assert hours == pytest.approx(8 * 20 / 3600, abs=0.01) and rate == pytest.approx(16 / (8 * 20 / 3600), rel=0.01)
 
 
+def test_the_default_search_is_compared_with_the_others_in_the_time_that_it_takes() -> None:
+    """Its fourth risky point counts only in the comparison with four points."""
+    ours = made("reach", (HIT, HIT._replace(story="b", avoided_by="")))
+    cases = (replace(case, clips=(*case.clips, replace(case.clips[0], position=3))) for case in ours.cases)
+    ours = replace(ours, preset="avoidable", cases=tuple(cases))
+    campaigns = (ours, made("random", (MISS, HIT)), made("bandit", (HIT, STEERED), 20.0))
+    results = Results(campaigns, "paper")
+    for points, hours in ((3, 160 / 3600), (4, 320 / 3600)):
+        by_name = beside_default(results, "pdm", points)
+        assert set(by_name) == {DEFAULT, "random", "bandit"}
+        assert sum(m.simulated_s for m in by_name[DEFAULT]) / 3600 == pytest.approx(hours)
+        assert all(m.simulated_s / 3600 <= hours for each in by_name.values() for m in each)
+    counted, statistics = (list(csv.DictReader(io.StringIO(table.as_csv()))) for table in default_search(results))
+    assert [(row["part"], row["technique"]) for row in counted] == [
+        (f"pdm, {points} points", name) for points in (3, 4) for name in (DEFAULT, "random", "bandit")
+    ]
+    assert (counted[0]["collisions"], counted[3]["collisions"], counted[0]["findings"]) == ("16", "32", "2")
+    assert any(row["row"] == f"{DEFAULT} over random: avoidable findings" for row in statistics)
+    assert not any(table.rows for table in default_search(Results(campaigns[1:], "paper"))), "no default search was run"
+
+
+def test_the_time_of_mutants_that_do_not_count_is_that_of_their_clip(tmp_path: Path) -> None:
+    """The clip of two mutants that fail is run, and fails as well."""
+    file = Path(__file__).parents[3] / "scenarios" / "scenario7.foresee"
+    wanted = StudyCampaign("bundled", "pdm", "reach", 10.0, 0, 0, "avoidable", risky_points=1, against=())
+    with Store(tmp_path / "store") as store:
+        stages = stages_of(wanted, load_test_cases([f"{file}::r03"]), store, tmp_path)
+        run_missing(stages, work=tmp_path, store=store, options=RunOptions(executor=InThisProcess), minimise=False)
+        measured = measure(stages, store, wanted)
+        times = {row.kind: row.simulated_s for row in store.rows()}
+        every_s = sum(row.simulated_s for row in store.rows() if row.kind in ("clip", "check", "child"))
+    ((clip,),) = [case.clips for case in measured.cases]
+    assert clip.verdict.is_failure and not clip.children
+    assert clip.simulated_s == measured.simulated_s == pytest.approx(every_s)
+    assert clip.simulated_s > times["check"] > 0 and clip.wall_s > 0
+
+
 def test_the_figures_in_the_documentation_are_those_of_the_stored_measurements(root: Path) -> None:
     stored, pages = root / "benchmarks", root / "docs" / "background" / "results"
     beside = [StudyFolder(stored / name) for name in ("study", "idm_study")]
@@ -278,12 +315,16 @@ def test_a_ranker_is_cut_in_the_order_of_its_runs() -> None:
 def test_the_command_runs_rankers_and_searches_and_writes_their_table(tmp_path: Path) -> None:
     beside = Path(__file__).parent / "cases" / "beside.foresee"
     out = tmp_path / "out"
-    words = ["study", "search", f"{beside}::ahead", "--half", "all", "--repetitions", "1", "--drivers", "idm",
+    words = ["study", "search,default", f"{beside}::ahead", "--half", "all", "--repetitions", "1", "--drivers", "idm",
              "--rankers", "random", "--searches", "bandit", "--budget-hours", "0.015", "--children", "1",
              "--against", "none", "--jobs", "1", "--out", str(out), "--quiet", "--json"]  # fmt: skip
     command = [program(), *words]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    assert [table["name"] for table in json.loads(printed)["tables"]] == ["search", "search_statistics"]
+    assert [table["name"] for table in json.loads(printed)["tables"]] == [
+        "search", "search_statistics", "default", "default_statistics"
+    ]  # fmt: skip
     rows = list(csv.DictReader(io.StringIO((out / "tables" / "search.csv").read_text())))
     assert {row["technique"] for row in rows} == {"random", "reach", "bandit"}
     assert all(float(row["hours"]) <= 0.015 for row in rows)
+    rows = list(csv.DictReader(io.StringIO((out / "tables" / "default.csv").read_text())))
+    assert {row["technique"] for row in rows} == {DEFAULT, "random", "reach", "bandit"}

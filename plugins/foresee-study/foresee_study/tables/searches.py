@@ -1,4 +1,4 @@
-"""search: what rankers and searches from the literature find in the same simulated time."""
+"""search and default: what rankers, searches from the literature and the default search find in equal time."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredClip
 from foresee_study.results import Results, counts_of, mean
-from foresee_study.settings import EXHAUSTIVE
+from foresee_study.settings import EXHAUSTIVE, POINTS
 from foresee_study.statistics import Pair, compare
 from foresee_study.statistics.bootstrap import Interval, ratio_interval, sum_of
 from foresee_study.tables.comparing import Compared, comparison_table
@@ -18,22 +19,54 @@ from foresee_study.tables.table import Column, Row, Table, Value, section
 
 OURS = "reach"
 """The ranker with which all others are compared."""
+DEFAULT = "the default"
+"""The technique in the table of the default search."""
 Techniques = dict[str, tuple[MeasuredCampaign, ...]]
 """The repetitions of each ranker and search with one driver."""
 
 
 def searches(results: Results) -> tuple[Table, ...]:
     """Return the tables of the question `search`; none without the results of a search."""
-    return rates(results), _statistics({driver: techniques(results, driver) for driver in results.drivers})
+    by_driver = {driver: techniques(results, driver) for driver in results.drivers}
+    return rates(results), _statistics("search_statistics", "Search", OURS, by_driver)
+
+
+def default_search(results: Results) -> tuple[Table, ...]:
+    """Return the tables of the question `default`; without rows if no default search was run."""
+    by_heading: dict[str, Techniques] = {}
+    rows: list[Row] = []
+    for driver in results.drivers:
+        every = stories(results.exhaustive(driver))
+        for points in (CampaignSettings.risky_points, POINTS):
+            heading = f"{driver}, {points} points"
+            by_heading[heading] = beside_default(results, driver, points)
+            rows += section(heading, _rows(by_heading[heading], every))
+    title = "The default search and the others at equal simulated time"
+    return (
+        Table("default", title, _columns(), tuple(rows), "technique", (_CUT, _RATES, _STEERED)),
+        _statistics("default_statistics", title, DEFAULT, by_heading),
+    )
+
+
+def beside_default(results: Results, driver: str, points: int) -> Techniques:
+    """Return the default search with at most `points` risky points of a test case, and all other techniques, cut to its
+    mean simulated time; empty without a default search with this driver."""
+    own = tuple(
+        m.first_points(points)
+        for m in results.campaigns
+        if (m.driver, m.ranker, m.preset) == (driver, CampaignSettings.ranker, CampaignSettings.preset)
+    )
+    if not own:
+        return {}
+    simulated_s = sum(m.simulated_s for m in own) / len(own)
+    others = {name: tuple(within(m, simulated_s) for m in each) for name, each in _others(results, driver).items()}
+    return {DEFAULT: own, **others}
 
 
 def techniques(results: Results, driver: str) -> Techniques:
     """Return the rankers, cut to the simulated time that the searches had, and then the searches; empty if no search
     was run with this driver."""
-    own: defaultdict[str, list[MeasuredCampaign]] = defaultdict(list)
-    for m in sorted(results.with_beside(driver), key=lambda m: (m.budget_s is not None, m.ranker, m.repetition)):
-        if m.ranker != EXHAUSTIVE:
-            own[m.ranker if m.allocation == "even" else f"{m.ranker}, {m.allocation}"].append(m)
+    own = _others(results, driver)
     budgets = {m.budget_s for each in own.values() for m in each if m.budget_s is not None}
     if len(budgets) != 1:
         return {}
@@ -42,6 +75,15 @@ def techniques(results: Results, driver: str) -> Techniques:
         name: tuple(m if m.budget_s is not None else within(m, budget_s * len(m.usable)) for m in each)
         for name, each in own.items()
     }
+
+
+def _others(results: Results, driver: str) -> dict[str, list[MeasuredCampaign]]:
+    """Return the repetitions of each ranker and search with the study's preset, without the exhaustive search."""
+    own: defaultdict[str, list[MeasuredCampaign]] = defaultdict(list)
+    for m in sorted(results.with_beside(driver), key=lambda m: (m.budget_s is not None, m.ranker, m.repetition)):
+        if m.ranker != EXHAUSTIVE:
+            own[m.ranker if m.allocation == "even" else f"{m.ranker}, {m.allocation}"].append(m)
+    return own
 
 
 def within(measured: MeasuredCampaign, simulated_s: float) -> MeasuredCampaign:
@@ -69,29 +111,48 @@ def within(measured: MeasuredCampaign, simulated_s: float) -> MeasuredCampaign:
 
 def rates(results: Results) -> Table:
     """Return what each technique finds, in numbers and per simulated hour."""
-    columns = (
+    rows = [
+        row
+        for driver in results.drivers
+        for row in section(driver, _rows(techniques(results, driver), stories(results.exhaustive(driver))))
+    ]
+    return Table("search", "Search: rankers and searches at equal simulated time", _columns(), tuple(rows), "technique",
+                 (_CUT_TO_SEARCHES, _RATES, _STEERED))  # fmt: skip
+
+
+def _columns() -> tuple[Column, ...]:
+    return (
         Column("hours"), Column("clips", digits=0), Column("children", digits=0),
         *(Column(what.value, digits=1) for what in Counted),
         *(Column(title, (f"{what.value} an hour",), 1) for what in Counted for title in ("mean", "low", "high")),
         Column("steered into the ego, % of findings", digits=0), Column("stories of the exhaustive search", digits=1),
         Column("of", digits=0), Column("repetitions"),
     )  # fmt: skip
-    rows: list[Row] = []
-    for driver in results.drivers:
-        own = techniques(results, driver)
-        every = stories(results.exhaustive(driver))
-        lines = [Row(name, tuple(_values(campaigns, every))) for name, campaigns in own.items()]
-        rows += section(driver, lines)
-    notes = (
-        "Simulated time of clips and mutants; rankers are cut to the time that the searches had, in the order of their "
-        "runs, and some need less. Findings: stories of a campaign. Low, high: 95 % by bootstrap over test cases and "
-        "repetitions, of the rate of the stories of each test case, scaled to the rate of the campaign's.",
-        "Steered into the ego: the mutation turned the wheels, or moved the line, of the actor that the ego collides "
-        "with, towards the ego before the contact, and this actor moved (its story says so). Stories of the exhaustive "
-        "search: how many of its findings are found, with the same preset.",
-    )
-    return Table("search", "Search: rankers and searches at equal simulated time", columns, tuple(rows), "technique",
-                 notes)  # fmt: skip
+
+
+_CUT_TO_SEARCHES = (
+    "Simulated time of clips and mutants; rankers are cut to the time that the searches had, in the order of their "
+    "runs, and some need less."
+)
+_CUT = (
+    f"{DEFAULT[0].upper()}{DEFAULT[1:]}: the search of `foresee campaign` ({CampaignSettings.ranker}, "
+    f"{CampaignSettings.preset}), with at most this number of risky points in each test case. The others are cut to "
+    "its mean simulated time of clips and mutants, in the order of their runs: the first risky points of all test "
+    "cases, then the second."
+)
+_RATES = (
+    "Findings: stories of a campaign. Low, high: 95 % by bootstrap over test cases and repetitions, of the rate of the "
+    "stories of each test case, scaled to the rate of the campaign's."
+)
+_STEERED = (
+    "Steered into the ego: the mutation turned the wheels, or moved the line, of the actor that the ego collides "
+    "with, towards the ego before the contact, and this actor moved (its story says so). Stories of the exhaustive "
+    "search: how many of its findings are found."
+)
+
+
+def _rows(techniques: Techniques, every: frozenset[str]) -> list[Row]:
+    return [Row(name, tuple(_values(campaigns, every))) for name, campaigns in techniques.items()]
 
 
 def _values(campaigns: Sequence[MeasuredCampaign], every: frozenset[str]) -> Iterator[Value]:
@@ -135,16 +196,16 @@ def stories(campaigns: Sequence[MeasuredCampaign]) -> frozenset[str]:
     return frozenset(child.story for m in campaigns for child in m.children_run if child.verdict.is_collision)
 
 
-def _statistics(by_driver: dict[str, Techniques]) -> Table:
+def _statistics(name: str, title: str, ours: str, by_heading: dict[str, Techniques]) -> Table:
     rows = [
-        Compared(driver, f"{OURS} over {name}: {what.value}", compare(_pairs(own[OURS], others, what)))
-        for driver, own in by_driver.items()
-        if OURS in own
-        for name, others in own.items()
-        if name != OURS
+        Compared(heading, f"{ours} over {other}: {what.value}", compare(_pairs(own[ours], others, what)))
+        for heading, own in by_heading.items()
+        if ours in own
+        for other, others in own.items()
+        if other != ours
         for what in Counted
     ]
-    return comparison_table("search_statistics", f"Search: {OURS} over each other technique", rows)
+    return comparison_table(name, f"{title}: {ours} over each other technique", rows)
 
 
 def _pairs(first: Sequence[MeasuredCampaign], second: Sequence[MeasuredCampaign], what: Counted) -> list[Pair]:
