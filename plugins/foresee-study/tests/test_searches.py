@@ -23,7 +23,7 @@ from foresee_study.search.protocol import FAR, OBJECTIVES, Evaluation, Point, Se
 from foresee_study.search.samota import Samota
 from foresee_study.search.searches import SEARCHES
 from foresee_study.search.space import changes_at, dimensions_of, run_margins, values_of
-from foresee_study.settings import EXHAUSTIVE, StudyCampaign
+from foresee_study.settings import RANKERS, StudyCampaign
 from foresee_study.tables.searches import DEFAULT, beside_default, default_search, rates, searches, techniques, within
 
 from foresee_dsl.campaign.execution.engine import run_missing
@@ -281,28 +281,37 @@ def test_the_figures_in_the_documentation_are_those_of_the_stored_measurements(r
     for name, results in (("search", study), ("search_large", large)):
         table = rates(results)
         assert (pages / f"{name}.csv").read_text() == table.as_csv(), name
+    beside.append(StudyFolder(stored / "search_study"))
+    for table in default_search(Results.of(StudyFolder(stored / "default_study"), None, beside)):
+        assert (pages / f"{table.name}.csv").read_text() == table.as_csv(), table.name
 
 
-@pytest.mark.parametrize("what", [Counted.FINDINGS, Counted.AVOIDABLE])
-def test_the_best_of_the_paper_s_rankers_is_that_of_the_stored_measurements(root: Path, what: Counted) -> None:
-    """For each driver, the table that compares them with `reach` names the ranker with the highest rate."""
-    text = (root / "docs" / "background" / "method.md").read_text(encoding="utf-8")
-    table = text.partition("best other ranker: findings an hour")[2].partition("\n\n")[0]
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:]]
-    assert {row[0].strip("`") for row in rows} == {"pdm", "idm", "frenetix", "fusion_safe", "fusion"}
-    for row in rows:
-        driver, cell = row[0].strip("`"), row[-2 if what is Counted.FINDINGS else -1]
-        study = StudyFolder(root / "benchmarks" / ("idm_study" if driver == "idm" else "study"))
-        own: dict[str, list[MeasuredCampaign]] = {}
-        for m in Results.of(study, Half.ODD).with_beside(driver):
-            if m.ranker != EXHAUSTIVE:
-                own.setdefault(m.ranker, []).append(m)
-        rates_of = {
-            name: sum(m.count(what) for m in each) / sum(m.simulated_s for m in each) * 3600
-            for name, each in own.items()
-        }
-        best = max(rates_of, key=rates_of.__getitem__)
-        assert cell == f"`{best}` {rates_of[best]:.1f}"
+def test_the_table_of_the_default_search_has_the_figures_of_its_study(root: Path) -> None:
+    """Each row states the rates of the default, and of the other ranker with the highest rate, with the test's p."""
+    pages = root / "docs" / "background"
+    rates_of, tests = (
+        list(csv.DictReader((pages / "results" / f"{name}.csv").open(encoding="utf-8")))
+        for name in ("default", "default_statistics")
+    )
+    p_of = {(row["part"], row["row"]): row["p, permutation"] for row in tests}
+    expected = []
+    for part in dict.fromkeys(row["part"] for row in rates_of):
+        first, *others = (row for row in rates_of if row["part"] == part)
+        rankers = [row for row in others if row["technique"] in RANKERS]
+        cells = [first["repetitions"], first["hours"]]
+        for what in (Counted.FINDINGS, Counted.AVOIDABLE):
+            mean, low, high = (first[f"{what} an hour, {column}"] for column in ("mean", "low", "high"))
+            cells.append(f"{mean} ({low} to {high})")
+        cells.append(first["steered into the ego, % of findings"])
+        for what in (Counted.FINDINGS, Counted.AVOIDABLE):
+            best = max(rankers, key=lambda row: float(row[f"{what} an hour, mean"] or 0))
+            p = p_of[part, f"{DEFAULT} over {best['technique']}: {what}"]
+            cells.append(f"`{best['technique']}` {best[f'{what} an hour, mean']} (p = {p})")
+        driver, points = part.removesuffix(" points").split(", ")
+        expected.append([f"`{driver}`", points, *cells])
+    table = (pages / "study.md").read_text(encoding="utf-8").partition("### The default search")[2]
+    table = table.partition("best other ranker: findings an hour")[2].partition("\n\n")[0]
+    assert [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:]] == expected
 
 
 def test_a_ranker_is_cut_in_the_order_of_its_runs() -> None:

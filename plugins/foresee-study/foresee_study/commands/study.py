@@ -60,7 +60,9 @@ REPORT = "report"
 def study(
     question: Annotated[
         str,
-        typer.Argument(metavar="QUESTION", help="rq1 to rq5 (several with commas), all of them, search, or report."),
+        typer.Argument(
+            metavar="QUESTION", help="rq1 to rq5 (several with commas), all of them, search, default, or report."
+        ),
     ],
     paths: Annotated[
         list[str] | None,
@@ -141,8 +143,8 @@ def study(
     beside: Annotated[
         list[Path] | None,
         typer.Option(
-            help="For search: folder of a study with rankers and exhaustive searches of the same preset; may be given "
-            "several times.",
+            help="For search and default: folder of a study with rankers and exhaustive searches of the same preset; "
+            "may be given several times.",
         ),
     ] = None,
     allocation: Annotated[
