@@ -21,6 +21,7 @@ from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.forecast import toward_goal
 from foresee_dsl.campaign.steps.step import KeyInputs
+from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.derive.reach.ranker import ReachRanker
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import ForeseeError
@@ -199,6 +200,19 @@ def test_without_a_goal_keys_have_the_parts_that_they_had(tmp_path: Path) -> Non
     for settings in (SETTINGS, GOAL):
         CaseStep.of_case(case, "one", KeyInputs(settings, "idm", "foresee", "", (), noted))
     assert parts == [{"meaning", "window", "driver", "seed"}, {"meaning", "window", "driver", "seed", "goal"}]
+
+
+def test_the_run_of_a_clip_after_its_child_failed_has_the_goal_in_its_key(tmp_path: Path) -> None:
+    """The same clip is run once more without the goal: with it, it would fail where it breaks the expectation."""
+    file, keys = written(tmp_path, ROOM), []
+    for settings in (GOAL, SETTINGS):
+        search = replace(settings, ranker="reach", preset="avoidable", risky_points=1, children=2, against=())
+        campaign(file, tmp_path / "out", search)
+        with Store(tmp_path / "out" / "store", write=False) as store:
+            keys.append({(row.name, row.key) for row in store.rows() if row.kind == "check"})
+    with_goal, every = keys
+    without = every - with_goal
+    assert {name for name, _ in with_goal} & {name for name, _ in without}
 
 
 def test_a_campaign_without_a_goal_says_nothing_of_one(tmp_path: Path) -> None:
