@@ -41,6 +41,31 @@ Runs = dict[int, HoldingTime]
 """For each `for` whose condition holds at present, how long it has held; the key is its index in `parts`."""
 
 
+@dataclass(frozen=True)
+class ClipMoment:
+    """The moment of a run at which a clip begins.
+
+    Attributes:
+        time_s: its time in the run.
+        gone: actors that have left.
+        places: the points of places on routes, by the text of each place. Routes begin elsewhere in the clip, so the
+            clip states these places as points.
+    """
+
+    time_s: float
+    gone: frozenset[str]
+    places: Mapping[str, m.Point]
+
+
+Rewritten = m.Condition | bool
+"""A condition rewritten for a clip, or its outcome if that is fixed from the clip's beginning on."""
+
+
+def seconds(value: float) -> m.Quantity:
+    """Return a time with two decimals, which suffice for multiples of the step, or with six for other times."""
+    return m.Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
+
+
 @dataclass(frozen=True, slots=True)
 class BlockState:
     """A block of actions that has begun.

@@ -9,7 +9,7 @@ from itertools import takewhile
 
 import pytest
 
-from foresee_dsl.derive.clipping.conditions import ClipMoment, rebased
+from foresee_dsl.derive.clipping.conditions import rebased
 from foresee_dsl.language.model import (
     Both,
     Comparison,
@@ -24,7 +24,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts
-from foresee_dsl.simulate.trigger_record import HoldingTime
+from foresee_dsl.simulate.trigger_record import ClipMoment, HoldingTime
 from tests.support.worlds import q
 
 FRAMES = 50

@@ -7,40 +7,19 @@ whose condition already holds gets a `since` with the time from which it holds. 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import assert_never
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printer import written as text_of
-from foresee_dsl.language.traversal import mentioned, parts, si_of
+from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.trigger_record import HoldingTime, Runs
+from foresee_dsl.simulate.trigger_record import ClipMoment, HoldingTime, Rewritten, Runs, seconds
+from foresee_dsl.simulate.triggers.kinds import kind_class
 
 DIGITS = 4
 """Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3
 decimals, the driver decides differently in 5 of them (and is up to 0.64 m away after 10 s); with 4, all actors stay
 within 1 cm of the run; with 6, there is no deviation.
 """
-Rewritten = m.Condition | bool
-"""A rewritten condition, or its outcome if that is fixed from the clip's beginning on."""
-
-
-@dataclass(frozen=True)
-class ClipMoment:
-    """The moment of a run at which a clip begins.
-
-    Attributes:
-        time_s: its time in the run.
-        gone: actors that have left.
-        places: the points of places on routes, by the text of each place. Routes begin elsewhere in the clip, so the
-            clip states these places as points.
-    """
-
-    time_s: float
-    gone: frozenset[str]
-    places: Mapping[str, m.Point]
 
 
 def rebased(
@@ -84,36 +63,10 @@ class _Rebase:
                     rewritten.append(self.part(part, after, positive=positive))
                     after += sum(1 for _ in parts(part))
                 return both(*rewritten) if isinstance(condition, m.Both) else either(*rewritten)
-            case m.Comparison() | m.Equals() | m.Predicate() | m.InJunction() | m.Within() | m.Shows():
-                return self._innermost(condition, positive=positive)
-            case m.Ahead() | m.Behind() | m.SameLane() | m.InLane() | m.Sees() | m.InSight():
-                # The condition is about the present moment, so it stays as it is.
-                return self._innermost(condition, positive=positive)
-            case m.RunsRed() | m.YieldsAtCrossing() | m.YieldsAt():
-                # The condition is about what happens at one frame, so it stays as it is.
-                return self._innermost(condition, positive=positive)
+            case m.Equals():
+                return condition
             case _:
-                assert_never(condition)
-
-    def _innermost(self, condition: m.Condition, *, positive: bool) -> Rewritten:
-        if isinstance(condition, m.Within):
-            place = "" if isinstance(condition.of, m.Named) else text_of(condition.of, frozenset())
-            point = self._moment.places.get(place)
-            condition = condition if point is None else condition.model_copy(update={"of": point})
-        if mentioned(condition) & self._moment.gone:
-            if isinstance(condition, m.Predicate):
-                return condition.what == "arrived"  # an actor that has left counts as arrived, and touches nothing
-            return not positive  # a part that never has an outcome never makes the whole condition true
-        left = condition.left if isinstance(condition, m.Comparison) else None
-        if isinstance(condition, m.Comparison) and isinstance(left, m.Measure) and left.what == "time":
-            return self._time(condition)
-        return condition
-
-    def _time(self, condition: m.Comparison) -> Rewritten:
-        left_s = si_of(condition.right) - self._moment.time_s
-        if left_s < -1e-9 or (abs(left_s) <= 1e-9 and condition.op in (">=", "<")):
-            return condition.op[0] == ">"
-        return condition.model_copy(update={"right": seconds(left_s)})
+                return kind_class(condition).rebased(condition, self._moment, positive=positive)
 
     def _sustained(self, condition: m.Sustained, number: int, *, positive: bool) -> Rewritten:
         inner = self.part(condition.condition, number + 1, positive=positive)
@@ -179,11 +132,6 @@ def quantity(value: float, dimension: Dimension) -> m.Quantity:
 def point_of(place: tuple[float, float]) -> m.Point:
     """Return a place, x and y in m."""
     return m.Point(x=quantity(place[0], "length"), y=quantity(place[1], "length"))
-
-
-def seconds(value: float) -> m.Quantity:
-    """Return a time with two decimals, which suffice for multiples of the step, or with six for other times."""
-    return m.Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
 
 
 def _frames(time_s: float) -> int:

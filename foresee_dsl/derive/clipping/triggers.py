@@ -13,14 +13,23 @@ from typing import assert_never
 import numpy as np
 
 from foresee_dsl.compile.placement.doors import door_side
-from foresee_dsl.derive.clipping.conditions import ClipMoment, both, point_of, quantity, rebased, seconds
+from foresee_dsl.derive.clipping.conditions import both, point_of, quantity, rebased
 from foresee_dsl.derive.clipping.snapshot import present
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import all_actions, fields_of, si_of
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
-from foresee_dsl.simulate.trigger_record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
+from foresee_dsl.simulate.trigger_record import (
+    ActorOrders,
+    BlockState,
+    ClipMoment,
+    DirectorRecord,
+    Place,
+    Runs,
+    TriggerState,
+    seconds,
+)
 
 Resumed = (
     m.ChangesSpeed

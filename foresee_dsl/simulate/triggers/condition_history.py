@@ -10,7 +10,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from foresee_dsl.language.model import (
     Both,
@@ -52,7 +52,7 @@ class Watch:
         """Begin to follow a condition at the frame of the first `look`."""
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
-        self._kinds: dict[int, ConditionKind] = {}
+        self._kinds: dict[int, ConditionKind[Any]] = {}
         self._last: tuple[int, ConditionOutcome | None] | None = None
         self.truth: Truth = truth_of(condition, conditions) or self._followed
         """Function that returns whether the condition holds at this frame, without its margin; None if it cannot be

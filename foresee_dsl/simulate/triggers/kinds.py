@@ -1,8 +1,8 @@
 """Evaluates conditions in a run: one class per kind of condition, bound to the run and its actors.
 
 A kind computes its outcome with the margin (`outcome`), its truth alone where that is cheaper (`truth`), the cost of an
-evaluation, and how far a fact is from holding (`away`). `condition_history` joins kinds by `and`, `or`, `not` and
-`for`.
+evaluation, and how far a fact is from holding (`away`). Its class also rewrites the condition for a clip (`rebased`).
+`condition_history` joins kinds by `and`, `or`, `not` and `for`.
 """
 
 from __future__ import annotations
@@ -10,17 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import assert_never
+from typing import Any, ClassVar, Generic, TypeVar, assert_never
 
 from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance
 from foresee_dsl.language import model as m
-from foresee_dsl.language.traversal import quantity_of, si_of, word_of
+from foresee_dsl.language.printer import written
+from foresee_dsl.language.traversal import mentioned, quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.results.metrics import point_distance
 from foresee_dsl.simulate.rules.giving_way import YieldArea
 from foresee_dsl.simulate.rules.watch import RuleWatch
+from foresee_dsl.simulate.trigger_record import ClipMoment, Rewritten, seconds
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
 from foresee_dsl.simulate.triggers.measures import Cost, cost_of, measured
 
@@ -29,18 +31,33 @@ YIELDS_WITHIN_M = 30.0
 as `simulate.waiting.AHEAD_M`."""
 Truth = Callable[[], bool | None]
 """A function that returns whether a condition holds now; None if it cannot be evaluated."""
+_C = TypeVar("_C", bound=m.Condition)
 
 
-class ConditionKind:
+class ConditionKind(Generic[_C]):
     """A condition without parts, bound to one run.
 
     Attributes:
         cost: how expensive it is to evaluate its truth.
     """
 
-    def __init__(self, condition: m.Condition, run: Conditions) -> None:
+    once_gone: ClassVar[bool | None] = None
+    """Whether the condition holds when an actor in it has left; None if it has no outcome then."""
+
+    def __init__(self, condition: _C, run: Conditions) -> None:
         self.condition, self.run = condition, run
         self.cost = cost_of(condition, run)
+
+    @classmethod
+    def rebased(cls, condition: _C, moment: ClipMoment, *, positive: bool) -> Rewritten:
+        """Return the condition for a clip; `positive`: whether it is under an even number of `not`.
+
+        A condition about the present moment, or about what happens at one frame, stays as it is.
+        """
+        if not mentioned(condition) & moment.gone:
+            return condition
+        # A part that never has an outcome never makes the whole condition true.
+        return not positive if cls.once_gone is None else cls.once_gone
 
     def outcome(self) -> ConditionOutcome | None:
         """Return whether the condition holds now, and by which margin; None if it cannot be evaluated."""
@@ -67,7 +84,7 @@ class ConditionKind:
         return ConditionOutcome(inside_m >= 0, inside_m, "m", self.condition, "length")
 
 
-class _Compared(ConditionKind):
+class _Compared(ConditionKind[m.Comparison]):
     """`ego.speed < 3 m/s`: a comparison of a measure with a bound."""
 
     def __init__(self, condition: m.Comparison, run: Conditions) -> None:
@@ -78,6 +95,15 @@ class _Compared(ConditionKind):
         self._above, self._equal = condition.op[0] == ">", condition.op[-1] == "="
         self._measured = measured(condition.left, run)
         self.cost = self._measured.cost
+
+    @classmethod
+    def rebased(cls, condition: m.Comparison, moment: ClipMoment, *, positive: bool) -> Rewritten:
+        if not isinstance(condition.left, m.Measure) or condition.left.what != "time":
+            return super().rebased(condition, moment, positive=positive)
+        left_s = si_of(condition.right) - moment.time_s
+        if left_s < -1e-9 or (abs(left_s) <= 1e-9 and condition.op in (">=", "<")):
+            return condition.op[0] == ">"
+        return condition.model_copy(update={"right": seconds(left_s)})
 
     def _held(self, value: float) -> tuple[bool, float]:
         slack = value - self._bound if self._above else self._bound - value
@@ -92,7 +118,7 @@ class _Compared(ConditionKind):
         return None if math.isnan(value) else bool(self._held(value)[0])
 
 
-class _Fact(ConditionKind):
+class _Fact(ConditionKind[_C]):
     """A condition without a margin, which only states whether it holds."""
 
     def truth(self) -> bool | None:
@@ -103,8 +129,10 @@ class _Fact(ConditionKind):
         return None if held is None else ConditionOutcome(held, decides=self.condition)
 
 
-class _Arrives(_Fact):
-    """The condition `arrived(ego)`."""
+class _Arrives(_Fact[m.Predicate]):
+    """The condition `arrived(ego)`; an actor that has left counts as arrived."""
+
+    once_gone = True
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -127,8 +155,10 @@ class _Arrives(_Fact):
         return None if math.isnan(left_m) else (left_m, "to go")
 
 
-class _Collides(_Fact):
-    """The condition `collision(ego)`."""
+class _Collides(_Fact[m.Predicate]):
+    """The condition `collision(ego)`; an actor that has left touches nothing."""
+
+    once_gone = False
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -145,7 +175,7 @@ class _Collides(_Fact):
         return min(((box_distance(actor.box, other.box), other.id) for other in others), default=None)
 
 
-class _InAnyJunction(ConditionKind):
+class _InAnyJunction(ConditionKind[m.InJunction]):
     """The condition `ego in junction`."""
 
     def __init__(self, condition: m.InJunction, run: Conditions) -> None:
@@ -189,23 +219,20 @@ class _InJunction(_InAnyJunction):
         return not self._away(actor) > 0 if side == UNSURE else side < 0
 
 
-class _Beside(ConditionKind):
+class _Beside(ConditionKind[m.Ahead | m.Behind | m.SameLane | m.InLane]):
     """Conditions about an actor's position along and across a way: `a ahead of b`, `a behind b`, `a in lane of b`, `a
     in lane 1`.
     """
 
-    def __init__(self, condition: m.Ahead | m.Behind | m.SameLane | m.InLane, run: Conditions) -> None:
-        super().__init__(condition, run)
-        self._of = condition
-
     def outcome(self) -> ConditionOutcome | None:
-        actor = self.run.actor(self._of.actor)
-        other = actor if isinstance(self._of, m.InLane) else self.run.actor(self._of.other)
+        condition = self.condition
+        actor = self.run.actor(condition.actor)
+        other = actor if isinstance(condition, m.InLane) else self.run.actor(condition.other)
         return None if actor is None or other is None else self.inside(self._inside(actor, other))
 
     def _inside(self, actor: SimulatedActor, other: SimulatedActor) -> float:
         ways = self.run.ways
-        match self._of:
+        match self.condition:
             case m.Ahead():
                 return ways.ahead_m(actor, other)
             case m.Behind():
@@ -215,10 +242,10 @@ class _Beside(ConditionKind):
             case m.InLane(number=number, road=road):
                 return ways.in_lane_m(actor, round(si_of(number)), None if road is None else word_of(road))
             case _:
-                assert_never(self._of)
+                assert_never(self.condition)
 
 
-class _Seen(_Fact):
+class _Seen(_Fact[m.Sees | m.InSight]):
     """The conditions `ego sees walker`, by the ego's sensors, and `walker in sight of bus`, by a line of sight."""
 
     def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
@@ -244,25 +271,31 @@ class _Seen(_Fact):
         return box_distance(first.box, second.box), why
 
 
-class _Near(ConditionKind):
+class _Near(ConditionKind[m.Within]):
     """The condition `walker within 10 m of ego`."""
 
     def __init__(self, condition: m.Within, run: Conditions) -> None:
         super().__init__(condition, run)
-        self._within = condition
         if isinstance(condition.of, m.OfActor):
             self.cost = Cost.EVERY_STEP
 
+    @classmethod
+    def rebased(cls, condition: m.Within, moment: ClipMoment, *, positive: bool) -> Rewritten:
+        place = "" if isinstance(condition.of, m.Named) else written(condition.of, frozenset())
+        point = moment.places.get(place)
+        placed = condition if point is None else condition.model_copy(update={"of": point})
+        return super().rebased(placed, moment, positive=positive)
+
     def outcome(self) -> ConditionOutcome | None:
-        actor = self.run.actor(self._within.actor)
+        actor = self.run.actor(self.condition.actor)
         away = math.nan if actor is None else self._away(actor)
         if math.isnan(away):
             return None
-        slack = si_of(self._within.distance) - away
-        return self.judged(slack >= 0, slack, self._within.distance, away)
+        slack = si_of(self.condition.distance) - away
+        return self.judged(slack >= 0, slack, self.condition.distance, away)
 
     def _away(self, actor: SimulatedActor) -> float:
-        of, run = self._within.of, self.run
+        of, run = self.condition.of, self.run
         if isinstance(of, m.Named):
             name = word_of(of.name)
             if run.is_junction(name):
@@ -276,7 +309,7 @@ class _Near(ConditionKind):
         return point_distance(actor.box, x, y)
 
 
-class _Signalled(_Fact):
+class _Signalled(_Fact[m.Shows]):
     """The conditions `ego.signal(j4) is red` and `signal(j4) is ns_go`."""
 
     def __init__(self, condition: m.Shows, run: Conditions) -> None:
@@ -307,7 +340,7 @@ class _Signalled(_Fact):
         return None
 
 
-class _RunsRed(_Fact):
+class _RunsRed(_Fact[m.RunsRed]):
     """The condition `ego runs red at j4`: an event, which holds at one frame."""
 
     def __init__(self, condition: m.RunsRed, run: Conditions) -> None:
@@ -324,7 +357,7 @@ class _RunsRed(_Fact):
         return self._junction in junctions if self._junction else bool(junctions)
 
 
-class _Yields(_Fact):
+class _Yields(_Fact[m.YieldsAtCrossing | m.YieldsAt]):
     """The conditions `ego yields to walker at crossing` and `ego yields to runner at j4`: an event, which holds at one
     frame.
     """
@@ -366,28 +399,28 @@ def _rules_of(name: str, run: Conditions) -> RuleWatch | None:
     return None if actor is None or actor.placed.line is None else run.rules(actor)
 
 
-def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
-    """Return a condition without parts, bound to a run."""
-    kind: ConditionKind
+def kind_class(condition: m.Condition) -> type[ConditionKind[Any]]:
+    """Return the class of a condition without parts."""
+    kind: type[ConditionKind[Any]]
     match condition:
         case m.Comparison():
-            kind = _Compared(condition, run)
+            kind = _Compared
         case m.Predicate():
-            kind = (_Arrives if condition.what == "arrived" else _Collides)(condition, run)
+            kind = _Arrives if condition.what == "arrived" else _Collides
         case m.InJunction():
-            kind = (_InAnyJunction if condition.junction is None else _InJunction)(condition, run)
+            kind = _InAnyJunction if condition.junction is None else _InJunction
         case m.Ahead() | m.Behind() | m.SameLane() | m.InLane():
-            kind = _Beside(condition, run)
+            kind = _Beside
         case m.Sees() | m.InSight():
-            kind = _Seen(condition, run)
+            kind = _Seen
         case m.Within():
-            kind = _Near(condition, run)
+            kind = _Near
         case m.Shows():
-            kind = _Signalled(condition, run)
+            kind = _Signalled
         case m.RunsRed():
-            kind = _RunsRed(condition, run)
+            kind = _RunsRed
         case m.YieldsAtCrossing() | m.YieldsAt():
-            kind = _Yields(condition, run)
+            kind = _Yields
         case m.Equals():
             raise TypeError(
                 "a condition about a parameter must be decided before a run, so it cannot be evaluated in it"
@@ -397,3 +430,8 @@ def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind:
         case _:
             assert_never(condition)
     return kind
+
+
+def kind_of(condition: m.Condition, run: Conditions) -> ConditionKind[Any]:
+    """Return a condition without parts, bound to a run."""
+    return kind_class(condition)(condition, run)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -132,7 +132,7 @@ class _Part:
     conditions: Conditions
     ever: bool = False
     watch: Watch = field(init=False)
-    kind: ConditionKind | None = None
+    kind: ConditionKind[Any] | None = None
     inner: Watch | None = None
     best: ConditionOutcome | None = None
     nearest: Nearest = field(init=False)
