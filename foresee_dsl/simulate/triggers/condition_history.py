@@ -12,18 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from foresee_dsl.language.model import (
-    Both,
-    Condition,
-    Either,
-    Expect,
-    InSight,
-    Not,
-    Predicate,
-    Sees,
-    Shows,
-    Sustained,
-)
+from foresee_dsl.language.model import Both, Condition, Either, Expect, Not, Sustained
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts, si_of
@@ -33,7 +22,7 @@ from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.trigger_record import HoldingTime, Runs
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions, every, some
-from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, kind_of
+from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, has_parts, kind_class, kind_of
 from foresee_dsl.simulate.triggers.measures import Cost
 
 Note = Callable[[int, HoldingTime | None], None]
@@ -199,8 +188,8 @@ class _GoalHistory:
     def __init__(self, expect: Expect, conditions: Conditions) -> None:
         self._expect, self._watch = expect, Watch(expect.condition, conditions)
         self._until = math.inf if expect.within is None else si_of(expect.within) + 1e-9
-        collides = isinstance(expect.condition, Predicate) and expect.condition.what == "collision"
-        self._contact = kind_of(expect.condition, conditions) if collides and expect.mode == "never" else None
+        simple = expect.mode == "never" and not has_parts(expect.condition)
+        self._avoided = kind_of(expect.condition, conditions) if simple else None
         self._outcomes: list[ConditionOutcome | None] = []
 
     def look(self, time_s: float) -> None:
@@ -208,8 +197,9 @@ class _GoalHistory:
         outcome = self._watch.look() if time_s <= self._until else None
         if outcome is not None and self._expect.mode == "never":
             outcome = outcome.negated()
-        if outcome is not None and self._contact is not None and (away := self._contact.away()) is not None:
-            outcome = replace(outcome, margin=away[0], unit="m", dimension="length")
+        margin_m = None if outcome is None or self._avoided is None else self._avoided.goal_margin()
+        if outcome is not None and margin_m is not None:
+            outcome = replace(outcome, margin=margin_m, unit="m", dimension="length")
         self._outcomes.append(outcome)
 
     def series(self) -> GoalSeries:
@@ -241,8 +231,9 @@ class _Watched:
         self._so_far: ConditionOutcome | None = None
         self._until = math.inf if expect.within is None else si_of(expect.within) + 1e-9
         self.settled = False
-        is_fact = isinstance(expect.condition, Predicate | Sees | InSight | Shows)
-        self._fact = truth_of(expect.condition, conditions) if is_fact else None
+        kind = None if has_parts(expect.condition) else kind_class(expect.condition)
+        self._fact = truth_of(expect.condition, conditions) if kind is not None and kind.without_memory else None
+        self._settles = kind is not None and kind.settles
         self._was: bool | None = None
 
     def look(self, time_s: float) -> None:
@@ -263,7 +254,7 @@ class _Watched:
         self._so_far = outcome if self._so_far is None else join((self._so_far, outcome))
         # A fact that decides has no margin, so later frames cannot change it.
         decides = self._so_far is not None and self._so_far.held == (self._expect.mode == "eventually")
-        self.settled = decides and isinstance(self._expect.condition, Predicate)
+        self.settled = decides and self._settles
 
     def result(self) -> ExpectationResult:
         text, name = print_item(self._expect), self._expect.name or ""

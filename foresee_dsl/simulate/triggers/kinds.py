@@ -43,6 +43,12 @@ class ConditionKind(Generic[_C]):
 
     once_gone: ClassVar[bool | None] = None
     """Whether the condition holds when an actor in it has left; None if it has no outcome then."""
+    without_memory: ClassVar[bool] = False
+    """Whether it is a fact without a margin, and two instances agree at each frame: an `expect` evaluates its outcome
+    only when its truth changes."""
+    settles: ClassVar[bool] = False
+    """Whether an `expect` need not evaluate it any more once a frame decides the result: its outcome has no margin, and
+    no projection has to follow the actor."""
 
     def __init__(self, condition: _C, run: Conditions) -> None:
         self.condition, self.run = condition, run
@@ -70,6 +76,10 @@ class ConditionKind(Generic[_C]):
 
     def away(self) -> tuple[float, str] | None:
         """Return how far a fact is from holding, m, and why; None if the fact has no such distance."""
+        return None
+
+    def goal_margin(self) -> float | None:
+        """Return the margin of the goal that a fact without a margin never holds, m; None if it has none."""
         return None
 
     def judged(self, held: bool, slack: float, bound: m.AnyValue, value: float) -> ConditionOutcome:
@@ -133,6 +143,7 @@ class _Arrives(_Fact[m.Predicate]):
     """The condition `arrived(ego)`; an actor that has left counts as arrived."""
 
     once_gone = True
+    without_memory = settles = True
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -159,6 +170,7 @@ class _Collides(_Fact[m.Predicate]):
     """The condition `collision(ego)`; an actor that has left touches nothing."""
 
     once_gone = False
+    without_memory = settles = True
 
     def __init__(self, condition: m.Predicate, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -173,6 +185,10 @@ class _Collides(_Fact[m.Predicate]):
             return None
         others = self.run.simulation.others(actor)
         return min(((box_distance(actor.box, other.box), other.id) for other in others), default=None)
+
+    def goal_margin(self) -> float | None:
+        away = self.away()
+        return None if away is None else away[0]
 
 
 class _InAnyJunction(ConditionKind[m.InJunction]):
@@ -248,6 +264,8 @@ class _Beside(ConditionKind[m.Ahead | m.Behind | m.SameLane | m.InLane]):
 class _Seen(_Fact[m.Sees | m.InSight]):
     """The conditions `ego sees walker`, by the ego's sensors, and `walker in sight of bus`, by a line of sight."""
 
+    without_memory = True
+
     def __init__(self, condition: m.Sees | m.InSight, run: Conditions) -> None:
         super().__init__(condition, run)
         self._sensed = isinstance(condition, m.Sees)
@@ -311,6 +329,8 @@ class _Near(ConditionKind[m.Within]):
 
 class _Signalled(_Fact[m.Shows]):
     """The conditions `ego.signal(j4) is red` and `signal(j4) is ns_go`."""
+
+    without_memory = True
 
     def __init__(self, condition: m.Shows, run: Conditions) -> None:
         super().__init__(condition, run)
@@ -397,6 +417,11 @@ def _rules_of(name: str, run: Conditions) -> RuleWatch | None:
     """Return the traffic rules that an actor has broken; None for an actor without a route."""
     actor = run.simulation.by_id.get(name)
     return None if actor is None or actor.placed.line is None else run.rules(actor)
+
+
+def has_parts(condition: m.Condition) -> bool:
+    """Return whether a condition joins others, so that it is not of one kind."""
+    return isinstance(condition, m.Sustained | m.Not | m.Both | m.Either)
 
 
 def kind_class(condition: m.Condition) -> type[ConditionKind[Any]]:

@@ -35,7 +35,7 @@ from foresee_dsl.simulate.trace import STEP_S, Trace, X
 from foresee_dsl.simulate.trigger_record import Place
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions
-from foresee_dsl.simulate.triggers.kinds import ConditionKind, kind_of
+from foresee_dsl.simulate.triggers.kinds import ConditionKind, has_parts, kind_of
 from foresee_dsl.simulate.world import World
 
 
@@ -140,7 +140,7 @@ class _Part:
 
     def __post_init__(self) -> None:
         self.watch = Watch(self.condition, self.conditions)
-        if not isinstance(self.condition, m.Sustained | m.Not | m.Both | m.Either):
+        if not has_parts(self.condition):
             self.kind = kind_of(self.condition, self.conditions)
         if isinstance(self.condition, m.Sustained):
             self.inner = Watch(self.condition.condition, self.conditions)
