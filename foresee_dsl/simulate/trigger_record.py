@@ -6,6 +6,7 @@ one; a state is added at the end of each frame in which it changed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -13,12 +14,23 @@ from typing import Protocol, TypeVar, assert_never
 
 from pydantic import TypeAdapter
 
+from foresee_dsl.kernels.constants import STEP_S
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 
 Place = tuple[int, ...]
 """Place of an action in a trigger: the indices of the actions from the trigger's block inwards."""
 _ROUNDING_S = 1e-6
+
+
+def frames_of(duration_s: float) -> int:
+    """Return the number of steps for which the condition of a `for` with this duration must hold."""
+    return max(0, math.ceil(duration_s / STEP_S - 1e-6))
+
+
+def frames_since(time_s: float, now_s: float) -> int:
+    """Return the number of frames from a time (included) to now (excluded)."""
+    return math.floor((now_s - time_s) / STEP_S + 1e-6)
 
 
 @dataclass(frozen=True, slots=True)

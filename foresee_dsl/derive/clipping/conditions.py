@@ -6,13 +6,19 @@ whose condition already holds gets a `since` with the time from which it holds. 
 
 from __future__ import annotations
 
-import math
-
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.trigger_record import ClipMoment, HoldingTime, Rewritten, Runs, seconds
+from foresee_dsl.simulate.trigger_record import (
+    ClipMoment,
+    HoldingTime,
+    Rewritten,
+    Runs,
+    frames_of,
+    frames_since,
+    seconds,
+)
 from foresee_dsl.simulate.triggers.kinds import kind_class
 
 DIGITS = 4
@@ -78,7 +84,7 @@ class _Rebase:
         run = self._runs.get(number)
         if run is None:
             return fresh  # the condition does not hold at the clip's first frame, so no `since` is needed
-        left = _frames(si_of(condition.duration)) - _frames_since(run.since_s, self._moment.time_s)
+        left = frames_of(si_of(condition.duration)) - frames_since(run.since_s, self._moment.time_s)
         if inner is True and run.known:
             return at_least(left) if left > 0 else True
         return self._half_way(fresh, run, left, positive=positive)
@@ -99,7 +105,7 @@ class _Rebase:
         return m.Either(conditions=(begun, fresh)) if self._again and left > 0 else begun
 
     def _since(self, condition: m.Sustained, time_s: float) -> m.Sustained:
-        frames = _frames_since(time_s, self._moment.time_s)
+        frames = frames_since(time_s, self._moment.time_s)
         return condition.model_copy(update={"since": seconds(-frames * STEP_S)})
 
 
@@ -132,13 +138,3 @@ def quantity(value: float, dimension: Dimension) -> m.Quantity:
 def point_of(place: tuple[float, float]) -> m.Point:
     """Return a place, x and y in m."""
     return m.Point(x=quantity(place[0], "length"), y=quantity(place[1], "length"))
-
-
-def _frames(time_s: float) -> int:
-    """Return the number of steps of a duration, as `simulate.triggers.condition_history` counts them."""
-    return max(0, math.ceil(time_s / STEP_S - 1e-6))
-
-
-def _frames_since(time_s: float, now_s: float) -> int:
-    """Return the number of frames from a time (included) to now (excluded)."""
-    return math.floor((now_s - time_s) / STEP_S + 1e-6)

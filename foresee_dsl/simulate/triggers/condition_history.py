@@ -19,8 +19,7 @@ from foresee_dsl.language.traversal import parts, si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.verdict import ExpectationResult
-from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.trigger_record import HoldingTime, Runs
+from foresee_dsl.simulate.trigger_record import HoldingTime, Runs, frames_of, frames_since
 from foresee_dsl.simulate.triggers.conditions import ConditionOutcome, Conditions, every, some
 from foresee_dsl.simulate.triggers.kinds import ConditionKind, Truth, has_parts, kind_class, kind_of
 from foresee_dsl.simulate.triggers.measures import Cost
@@ -115,13 +114,13 @@ class _Window:
     """
 
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:
-        self._frames = max(0, math.ceil(si_of(condition.duration) / STEP_S - 1e-6))
+        self._frames = frames_of(si_of(condition.duration))
         self._unsaid = unsaid
         self._seen: deque[ConditionOutcome | None] = deque(maxlen=self._frames + 1)
         self._since_s: float | None = None if condition.since is None else si_of(condition.since)
         if self._since_s is not None:
             self._seen.append(ConditionOutcome(False, decides=condition))
-            held = math.floor((now_s - self._since_s) / STEP_S + 1e-6)
+            held = frames_since(self._since_s, now_s)
             self._seen.extend([ConditionOutcome(True, decides=condition)] * min(held, self._frames + 1))
         self.run: HoldingTime | None = None
 

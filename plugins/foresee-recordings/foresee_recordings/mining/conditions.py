@@ -6,7 +6,6 @@ an `and`, and a `for` must have held at every frame of its time.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -17,7 +16,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.model.conditions import MEASURED
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts, quantity_of, si_of, word_of
-from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.trigger_record import frames_of
 from foresee_recordings.mining.lanes import MapFacts, map_facts
 from foresee_recordings.mining.measures import BETWEEN, PairOnWay, gap, values_until
 from foresee_recordings.mining.rows import Rows, pairs_of
@@ -127,7 +126,7 @@ def _cost(condition: m.Condition) -> int:
 
 def _sustained(condition: m.Sustained, rows: Rows) -> Truths:
     inner = truths(condition.condition, rows)
-    frames = max(0, math.ceil(si_of(condition.duration) / STEP_S - 1e-6))
+    frames = frames_of(si_of(condition.duration))
     at = np.arange(len(rows))
     begins = np.maximum.accumulate(np.where(np.diff(rows.group, prepend=-1) != 0, at, 0)) if len(rows) else at
     since = at - frames
