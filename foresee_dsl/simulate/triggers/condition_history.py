@@ -160,14 +160,13 @@ class Expectations:
 
     def look(self, time_s: float, *, ego_hit: bool) -> None:
         """Evaluate a frame; `ego_hit`: whether the ego touches another actor (already computed by the judge)."""
-        self._conditions.ego_hit = ego_hit
+        self._conditions.record_contact(ego_hit=ego_hit)
         for watched in self._open:
             watched.look(time_s)
             if watched.settled:
                 self._open = [other for other in self._open if other is not watched]
         if self._goal is not None:
             self._goal.look(time_s)
-        self._conditions.ego_hit = None
 
     def results(self) -> tuple[ExpectationResult, ...]:
         """Return the result of each expectation, in the scenario's order."""

@@ -73,8 +73,7 @@ class Conditions:
         self.rows = {actor.id: row for row, actor in enumerate(simulation.actors)}
         self.ways = Ways(simulation)
         self._rules: dict[str, RuleWatch] = {}
-        self.ego_hit: bool | None = None
-        """Whether the ego touches another actor at this frame; None if it was not computed yet."""
+        self._ego_hit = (-1, False)
 
     @property
     def frame(self) -> int:
@@ -101,10 +100,14 @@ class Conditions:
 
     def collides(self, name: str) -> bool:
         """Return whether an actor touches another one."""
-        if name == "ego" and self.ego_hit is not None:
-            return self.ego_hit
+        if name == "ego" and self._ego_hit[0] == self.simulation.frame:
+            return self._ego_hit[1]
         actor = self.actor(name)
         return actor is not None and any(overlaps(actor.box, other.box) for other in self.simulation.others(actor))
+
+    def record_contact(self, *, ego_hit: bool) -> None:
+        """State whether the ego touches another actor at this frame, so that `collides` need not compute it."""
+        self._ego_hit = self.simulation.frame, ego_hit
 
     def rules(self, actor: SimulatedActor) -> RuleWatch:
         """Return the traffic rules that an actor has broken, followed from the first call of this method on."""
