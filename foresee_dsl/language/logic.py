@@ -1,13 +1,19 @@
-"""Logic of conditions: decides whether an expectation implies another, and negates comparisons."""
+"""Logic of conditions: joins truths of parts, negates comparisons, decides whether an expectation implies another."""
 
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Callable
+from types import MappingProxyType
 
 from foresee_dsl.language import model as m
 
 TURNED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 """The opposite of each comparison."""
+_COMPARES: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(
+    {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+)
 
 
 def negated(comparison: m.Comparison) -> m.Comparison:
@@ -17,7 +23,27 @@ def negated(comparison: m.Comparison) -> m.Comparison:
 
 def holds_for_some(op: str, value: float, low: float, high: float) -> bool:
     """Return whether some number from `low` to `high` (both included) satisfies `number op value`."""
-    return {"<": low < value, "<=": low <= value, ">": high > value, ">=": high >= value}[op]
+    return compares(op, low if op[0] == "<" else high, value)
+
+
+def compares(op: str, first: float, second: float) -> bool:
+    """Return whether `first op second` holds."""
+    return _COMPARES[op](first, second)
+
+
+def truth(condition: m.Condition, leaf: Callable[[m.Condition], bool | None]) -> bool | None:
+    """Return whether a condition holds; None if its parts do not determine that.
+
+    `leaf` returns whether a part other than `not`, `and` and `or` holds; None if that is unknown.
+    """
+    match condition:
+        case m.Not(condition=inner):
+            held = truth(inner, leaf)
+            return None if held is None else not held
+        case m.Both(conditions=several) | m.Either(conditions=several):
+            decides, results = isinstance(condition, m.Either), {truth(part, leaf) for part in several}
+            return decides if decides in results else None if None in results else not decides
+    return leaf(condition)
 
 
 def weaker(old: m.Expect, new: m.Expect) -> bool | None:

@@ -5,15 +5,14 @@ from __future__ import annotations
 
 import hashlib
 import math
-import operator
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from itertools import accumulate, combinations
-from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.helps import write
@@ -21,6 +20,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, plain, references
 from foresee_dsl.language.document import Document
+from foresee_dsl.language.logic import compares, truth
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.traversal import parts
@@ -269,29 +269,22 @@ def _in_unit(value: m.Quantity, unit: str) -> Decimal:
     return Decimal(f"{float(exact):.{_EXACT}g}")
 
 
-_COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(
-    {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
-)
-
-
 def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | None:
     """Return whether a condition of a `require` holds; None if these values do not determine it.
 
     Quantities are compared by their SI value, to as many digits as the hash of a meaning uses: `7.2 km/h` is `2 m/s`.
     """
-    match condition:
+    return truth(condition, partial(_part_holds, values))
+
+
+def _part_holds(values: Mapping[str, m.ParamValue], part: m.Condition) -> bool | None:
+    match part:
         case m.Comparison(left=left, op=op, right=right) if not isinstance(left, m.Measure):
             first, second = _si(left, values), _si(right, values)
-            return None if first is None or second is None else _COMPARED[op](first, second)
+            return None if first is None or second is None else compares(op, first, second)
         case m.Equals(left=left, right=word):
             value = values.get(left.name)
             return value == word if isinstance(value, str) else None
-        case m.Not(condition=inner):
-            held = holds(inner, values)
-            return None if held is None else not held
-        case m.Both(conditions=several) | m.Either(conditions=several):
-            decides, results = isinstance(condition, m.Either), {holds(part, values) for part in several}
-            return decides if decides in results else None if None in results else not decides
     return None  # the condition is about the run, which the checks report
 
 

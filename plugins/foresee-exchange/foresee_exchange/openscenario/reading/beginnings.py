@@ -5,20 +5,17 @@ determine it.
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import shapely
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.language import model as m
+from foresee_dsl.language.logic import compares, truth
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
-
-_COMPARES: Mapping[str, Callable[[float, float], bool]] = {
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -44,22 +41,19 @@ def holds_at_start(condition: m.Condition, beginnings: Mapping[str, Beginning]) 
 
     `beginnings` has the actors by name.
     """
+    return truth(condition, partial(_part_holds, beginnings))
+
+
+def _part_holds(beginnings: Mapping[str, Beginning], condition: m.Condition) -> bool | None:
     holds: bool | None = None
     match condition:
-        case m.Not():
-            inner = holds_at_start(condition.condition, beginnings)
-            holds = None if inner is None else not inner
-        case m.Both() | m.Either():
-            decides = isinstance(condition, m.Either)
-            parts = [holds_at_start(part, beginnings) for part in condition.conditions]
-            holds = decides if decides in parts else None if None in parts else not decides
         case m.Sustained():
             holds = False if si_of(condition.duration) > 0 else None  # no time has passed yet
         case m.Predicate(what="collision"):
             holds = False  # the compiler refuses actors that overlap
         case m.Comparison(left=m.Measure() as measure):
             value = _measured(measure, beginnings)
-            holds = None if value is None else _COMPARES[condition.op](value, si_of(condition.right))
+            holds = None if value is None else compares(condition.op, value, si_of(condition.right))
         case m.Within() if condition.actor in beginnings:
             off = _distance(beginnings[condition.actor], condition.of, beginnings)
             holds = None if off is None else off <= si_of(condition.distance)
