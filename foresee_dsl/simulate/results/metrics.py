@@ -31,6 +31,16 @@ def eta(distance_m: float, speed_mps: float) -> float:
     return distance_m / max(speed_mps, ETA_SLOWEST_MPS) if distance_m >= 0 else inf
 
 
+def headway(gap_m: float, speed_mps: float) -> float:
+    """Return the time (s) in which this speed, which counts as at least 1 m/s, covers a gap."""
+    return gap_m / max(speed_mps, ETA_SLOWEST_MPS)
+
+
+def relative_speed(speed_mps: float, other_mps: float, turned_rad: float) -> float:
+    """Return an actor's speed minus the speed along its heading of another one, which is turned by an angle, m/s."""
+    return speed_mps - other_mps * cos(turned_rad)
+
+
 class Outline(NamedTuple):
     """The area of a junction; empty for a junction without one (the end of a road).
 

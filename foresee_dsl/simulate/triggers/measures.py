@@ -11,7 +11,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import SimulatedActor
-from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS, eta
+from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS, eta, headway, relative_speed
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED
 from foresee_dsl.simulate.triggers.conditions import Conditions
 
@@ -114,7 +114,7 @@ class _BetweenFootprints(BoundMeasure):
         if self.what == "ttc":
             return float(time_to_touch(*self._table))
         gap_m = self.run.gap(actor, other)
-        return gap_m if self.what == "distance" else gap_m / max(actor.speed, ETA_SLOWEST_MPS)
+        return gap_m if self.what == "distance" else headway(gap_m, actor.speed)
 
     def until(self, bound: float) -> float:
         actor, other = self.run.actor(self.name), self.run.actor(self.other)
@@ -169,7 +169,7 @@ class _AlongTheWay(BoundMeasure):
             return self.run.ways.overlap_m(actor, other)
         if self.what == "ttc_along":
             return self.run.ways.side_by_side_s(actor, other)
-        return actor.speed - other.speed * math.cos(other.heading - actor.heading)
+        return relative_speed(actor.speed, other.speed, other.heading - actor.heading)
 
 
 def measured(measure: m.Measure, run: Conditions) -> BoundMeasure:

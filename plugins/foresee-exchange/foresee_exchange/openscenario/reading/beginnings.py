@@ -4,7 +4,6 @@ determine it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.language import model as m
 from foresee_dsl.language.logic import compares, truth
 from foresee_dsl.language.traversal import si_of
-from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
+from foresee_dsl.simulate.results.metrics import headway, relative_speed
 
 
 @dataclass(frozen=True)
@@ -71,9 +70,9 @@ def _measured(measure: m.Measure, beginnings: Mapping[str, Beginning]) -> float 
         return None
     if measure.what == "relative_speed":
         turned = other.middle.heading_rad - actor.middle.heading_rad
-        return actor.speed_mps - other.speed_mps * math.cos(turned)
+        return relative_speed(actor.speed_mps, other.speed_mps, turned)
     apart = float(actor.footprint.distance(other.footprint))
-    return apart if measure.what == "distance" else apart / max(actor.speed_mps, ETA_SLOWEST_MPS)
+    return apart if measure.what == "distance" else headway(apart, actor.speed_mps)
 
 
 def _distance(actor: Beginning, of: object, beginnings: Mapping[str, Beginning]) -> float | None:
