@@ -129,6 +129,8 @@ def test_a_replay_is_the_run(driven: tuple[TestCase, RunResult]) -> None:
     first: dict[int, float] = {}
     for frame in range(result.trace.frames):
         replay.go_to(frame)
+        for signal in bundle.signals.values():  # the rules of giving way read whole states
+            assert replay.world.signals.state(signal.tls) in {phase.state for phase in signal.phases}
         for index, watch in enumerate(watches):
             said = watch.look()
             assert watch.held() is (None if said is None else said.held)

@@ -227,12 +227,16 @@ class _RecordedSignals:
         column = self._columns[tls][1]
         return int(self._trace.stages[self.frame, column]), float(self._trace.elapsed[self.frame, column])
 
-    def colour(self, tls: str, link: int) -> SignalColour:
-        """Return the colour of one link of a signal."""
+    def state(self, tls: str) -> str:
+        """Return the state string of a signal."""
         signal = self._columns[tls][0]
         stage, elapsed_s = self.stage(tls)
         phase, _ = signal.phase_at(signal.stages[stage], elapsed_s)
-        return colour_shown(signal.phases[phase].state, link)
+        return signal.phases[phase].state
+
+    def colour(self, tls: str, link: int) -> SignalColour:
+        """Return the colour of one link of a signal."""
+        return colour_shown(self.state(tls), link)
 
 
 class _NoWorld:
