@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.completion import case_addresses, drivers
 from foresee_dsl.cli.options import common
-from foresee_dsl.cli.options.campaign_options import CPUS, Jobs
+from foresee_dsl.cli.options.campaign_options import Jobs
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.report.formats import CommandReport

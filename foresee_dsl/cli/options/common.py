@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 """Exit codes: nothing failed; failures were found or the input has errors; wrong usage; a fault of foresee itself."""
+SETTINGS = {"help_option_names": ["-h", "--help"]}
+"""Click's settings of every command."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[
