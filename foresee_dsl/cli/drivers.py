@@ -22,7 +22,7 @@ def conform(
         str,
         typer.Argument(metavar="DRIVER", help="A driver, as for `--driver` of other commands.", autocompletion=drivers),
     ],
-    jobs: Annotated[int, typer.Option("--jobs", min=1, max=256, help="Number of processes.")] = 2,
+    jobs: Annotated[int, common.jobs_option("Number of processes.")] = 2,
     seed: common.SeedOption = 0,
     step_deadline: common.StepDeadlineOption = None,
     format_: FormatOption = "text",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.workers.pool import Executor, RunOptions
     from foresee_dsl.drivers.protocol import Driver
 
-Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
+Jobs = Annotated[int, common.jobs_option("Worker processes.")]
 StoreOption = Annotated[
     Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
 ]

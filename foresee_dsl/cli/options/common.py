@@ -34,6 +34,14 @@ OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 """Click's settings of every command."""
 
+_MOST_PROCESSES = 256
+
+
+def jobs_option(about: str) -> Any:  # noqa: ANN401 - typer's own
+    """Return the option `--jobs` with its text in `--help`."""
+    return typer.Option("--jobs", min=1, max=_MOST_PROCESSES, help=about)
+
+
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[
     str, typer.Option("--driver", help="The driver under test; `foresee drivers` lists them.", autocompletion=drivers)
