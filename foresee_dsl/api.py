@@ -5,7 +5,6 @@ The functions are the commands of the same names, and return records instead of 
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.consent import allowing
@@ -47,7 +47,6 @@ __all__ = [
 
 Cases = str | Path | TestCase | Iterable[str | Path | TestCase]
 """Test cases: a file, a folder, an address (`FILE::CASE`), a loaded test case, or several of these."""
-CPUS = os.cpu_count() or 1
 
 show_as(TestCase, html_of_case)
 show_as(RunResult, html_of_run)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 _SHORT = 12
 """Number of digits of a short hash. Ours: as in the pins of mutants."""
-_PACKAGE = Path(__file__).resolve().parent
+PACKAGE = Path(__file__).resolve().parent
+"""Folder of this package."""
 
 
 def absolute(path: Path) -> Path:
@@ -35,8 +36,8 @@ def data_folder(name: str) -> Path:
 
     A wheel has these folders inside the package (`_data/`); a checkout keeps them at the top level.
     """
-    packaged = _PACKAGE / "_data" / name
-    return packaged if packaged.is_dir() else _PACKAGE.parent / name
+    packaged = PACKAGE / "_data" / name
+    return packaged if packaged.is_dir() else PACKAGE.parent / name
 
 
 @cache

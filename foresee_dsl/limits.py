@@ -23,7 +23,7 @@ class LimitError(ForeseeError):
 
 
 @dataclass(frozen=True)
-class Limit:
+class ResourceLimit:
     """A limit: `default` is its default in `unit`; `what` says in the documentation what is limited."""
 
     name: str
@@ -39,36 +39,42 @@ LIMITS = MappingProxyType(
             # netconvert 1.28 with one thread starts with 200 MB of data and needs 65 MB of real memory for each CARLA
             # town and 70 MB for a map of 3 MB from OpenStreetMap; a road of 100,000 km in a file of 1 kB takes all
             # memory.
-            Limit(
+            ResourceLimit(
                 "netconvert-memory",
                 450,
                 "MB",
                 "memory of netconvert, or of SUMO while it loads a map, plus as much for each 5 MB of the map (Linux)",
             ),
             # A CARLA town takes 0.2 to 3 s on a slow core; a run of a minute hangs.
-            Limit("netconvert-time", 60, "s", "wall time of one start of netconvert, or of SUMO that loads a map"),
+            ResourceLimit(
+                "netconvert-time", 60, "s", "wall time of one start of netconvert, or of SUMO that loads a map"
+            ),
             # An OpenStreetMap extract of a town centre has 5 to 30 MB, the largest known CARLA town 4 MB, a network of
             # a city about 50 MB; the parsed tree of such a file takes ten times its size in memory.
-            Limit("file", 100, "MB", "size of a map, a network or another file that is read, also after unpacking"),
+            ResourceLimit(
+                "file", 100, "MB", "size of a map, a network or another file that is read, also after unpacking"
+            ),
             # Ours, not measured: ten times the limit of a map, since this tool writes these files.
-            Limit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing run"),
+            ResourceLimit("results", 1000, "MB", "size of the JSON of a campaign, a study or a fuzzing run"),
             # Ours, not measured: ten times the largest file of the language, which a clip's record contains as text.
-            Limit("record", 20, "MB", "unpacked size of one result in a store"),
+            ResourceLimit("record", 20, "MB", "unpacked size of one result in a store"),
             # The trace of a run of a minute with 40 actors has 3 MB of arrays; that of an hour with 20 actors has 100
             # MB.
-            Limit("trace", 400, "MB", "unpacked size of a trace"),
+            ResourceLimit("trace", 400, "MB", "unpacked size of a trace"),
             # Reading 9.5 million samples took 0.8 GB; a recording of the data sets that are read has some hundred
             # thousand to some million.
-            Limit("recording", 10_000_000, "samples", "samples that are kept of a recording; an actor counts as ten"),
+            ResourceLimit(
+                "recording", 10_000_000, "samples", "samples that are kept of a recording; an actor counts as ten"
+            ),
             # Two texts of 2 MB with the same 280,000 lines in another order took 26 s and 170 MB.
-            Limit("difference", 1, "MB", "size of a text that `git-diff` compares line by line"),
+            ResourceLimit("difference", 1, "MB", "size of a text that `git-diff` compares line by line"),
             # The largest bundled scenario has 100 cases; a case takes 2 kB.
-            Limit("cases", 20_000, "cases", "sampled cases in all files of one command"),
+            ResourceLimit("cases", 20_000, "cases", "sampled cases in all files of one command"),
             # The bundled town has 60 items; 2,000 items take a second to read and need 60 MB. Larger ones are maps,
             # which are imported.
-            Limit("network", 2000, "items", "junctions, roads and buildings of a network in the language"),
+            ResourceLimit("network", 2000, "items", "junctions, roads and buildings of a network in the language"),
             # The longest condition of the bundled scenarios has four parts; a file of 2,000 takes half a second.
-            Limit("conditions", 2000, "words", "`and`, `or` and `not` in one file"),
+            ResourceLimit("conditions", 2000, "words", "`and`, `or` and `not` in one file"),
         )
     }
 )

@@ -1,6 +1,7 @@
-"""Tables of the documentation that repeat what the code has: written from it, or compared with its names or values.
+"""Tables of the documentation that repeat what the code has: written from it, or compared with its names.
 
-`pytest tests/test_tables.py --rewrite-goldens` writes the rows of the first kind again.
+`pytest tests/test_tables.py --rewrite-goldens` writes the rows of the first kind again, and the values
+in tables of settings.
 """
 
 from __future__ import annotations
@@ -83,10 +84,14 @@ def cells_of(rows: str) -> list[list[str]]:
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows.splitlines()]
 
 
+def row_of(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |")
+
+
 @pytest.mark.parametrize(("page", "header"), WRITTEN)
 def test_a_table_is_as_the_code_writes_it(page: str, header: str, golden: Golden) -> None:
     cells = ([cell.replace("|", r"\|") for cell in row] for row in WRITTEN[page, header]())
-    rows = "\n".join(f"| {' | '.join(row)} |".replace("|  |", "| |") for row in cells)
+    rows = "\n".join(map(row_of, cells))
     text = (DOCS / page).read_text(encoding="utf-8")
     golden(text.replace(rows_of(page, header), rows), DOCS / page)
 
@@ -151,13 +156,14 @@ _TABLE = re.compile(r"Settings of ((?:`[\w.]+`(?:, | and )?)+):\n\n\| setting[^\
 _SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit in UNITS.items()}}
 
 
-def tables() -> list[tuple[tuple[str, ...], dict[str, list[str]]]]:
-    """Every table of settings: what it is about, and its rows' cells by their first."""
-    found = []
-    for names, rows in _TABLE.findall("".join(page.read_text(encoding="utf-8") for page in PAGES)):
-        by_setting = {row[0].strip("`"): row[1:] for row in cells_of(rows)}
-        found.append((tuple(re.findall(r"`([\w.]+)`", names)), by_setting))
-    return found
+def tables() -> list[tuple[Path, tuple[str, ...], str]]:
+    """Every table of settings: its page, what it is about, and its rows as they are in the page."""
+    texts = ((page, page.read_text(encoding="utf-8")) for page in PAGES)
+    return [
+        (page, tuple(re.findall(r"`([\w.]+)`", names)), rows)
+        for page, text in texts
+        for names, rows in _TABLE.findall(text)
+    ]
 
 
 def resolved(name: str) -> Any:
@@ -199,26 +205,41 @@ def same(said: Any, value: Any) -> bool:
     return bool(said == value)
 
 
+def cell_for(value: Any, cell: str) -> str:
+    """Return a cell that says a value, in the unit of the present cell; the present cell if that says the value."""
+    if same(written(cell), value):
+        return cell
+    if value is None:
+        return "none"
+    if isinstance(value, (int, float)):
+        unit = cell.partition(" ")[2]
+        return f"{float(f'{value / _SCALE.get(unit, 1.0):.5g}'):.10g} {unit}".strip()
+    if isinstance(value, str) or all(isinstance(part, str) for part in value):
+        return f"`{value if isinstance(value, str) else '+'.join(value)}`"
+    cells = cell.split("; ")
+    return "; ".join(map(cell_for, value, cells + cells[-1:] * len(value)))
+
+
 TABLES = tables()
+IDS = [", ".join(names) for _, names, _ in TABLES]
 
 
-@pytest.mark.parametrize(("names", "rows"), TABLES, ids=[", ".join(names) for names, _ in TABLES])
-def test_tables_say_what_the_code_says(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
-    for column, name in enumerate(names):
-        owner = resolved(name)
-        wrong = {
-            setting: f"the page says {cells[column]}, the code {in_code(owner, setting)}"
-            for setting, cells in rows.items()
-            if not same(written(cells[column]), in_code(owner, setting))
-        }
-        assert not wrong, f"{name}: {wrong}"
+@pytest.mark.parametrize(("page", "names", "rows"), TABLES, ids=IDS)
+def test_tables_say_what_the_code_says(page: Path, names: tuple[str, ...], rows: str, golden: Golden) -> None:
+    owners = [resolved(name) for name in names]
+    lines = []
+    for setting, *cells in cells_of(rows):
+        values = (in_code(owner, setting.strip("`")) for owner in owners)
+        lines.append(row_of([setting, *map(cell_for, values, cells), *cells[len(owners) :]]) + "\n")
+    golden(page.read_text(encoding="utf-8").replace(rows, "".join(lines)), page)
 
 
-@pytest.mark.parametrize(("names", "rows"), TABLES, ids=[", ".join(names) for names, _ in TABLES])
-def test_tables_are_complete(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
+@pytest.mark.parametrize(("page", "names", "rows"), TABLES, ids=IDS)
+def test_tables_are_complete(page: Path, names: tuple[str, ...], rows: str) -> None:
+    described = {row[0].strip("`") for row in cells_of(rows)}
     for name in names:
-        missing = set(settings_of(resolved(name))) - set(rows)
-        assert not missing, f"no page says nothing of {sorted(missing)} of {name}"
+        missing = set(settings_of(resolved(name))) - described
+        assert not missing, f"{page} says nothing of {sorted(missing)} of {name}"
 
 
 def settings_of(owner: Any) -> list[str]:
@@ -236,7 +257,7 @@ def settings_of(owner: Any) -> list[str]:
 
 
 def test_every_stage_has_its_table() -> None:
-    described = {name for names, _ in TABLES for name in names}
+    described = {name for _, names, _ in TABLES for name in names}
     assert described >= {
         "foresee_dsl.campaign.settings.CampaignSettings",
         "foresee_dsl.forecast.settings.ForeseeSettings",

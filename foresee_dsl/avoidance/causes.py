@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import combinations
 
+from foresee_dsl.avoidance.anticipating.foresight import LOOKS_EVERY_FRAMES
 from foresee_dsl.avoidance.comparison import EARLIER_S, NOT_COMPARED, compared
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.documents import or_null
@@ -32,8 +33,6 @@ ORDER = (
 """The order in which a part is named if several alone suffice. Ideal rules and control change the least; tracking and
 prediction depend on perception; ideal prediction knows the future. Ours; docs/background/faults.md#causes explains it.
 """
-_EVERY_FRAMES = 2
-"""Frames between two looks for the first sighting: 0.1 s, the scans of the standard sensors."""
 Drive = Callable[[frozenset[DriverPart]], RunResult]
 """Drives the failing test case again with these ideal parts."""
 
@@ -246,6 +245,6 @@ def _seen(failed: RunResult, bundle: SumoBundle) -> str:
 
 
 def _first_seen_s(trace: Trace, actor: int, sight: Sight) -> float | None:
-    frames = (frame for frame in range(0, trace.frames, _EVERY_FRAMES) if in_view(trace, actor, frame, sight))
+    frames = (frame for frame in range(0, trace.frames, LOOKS_EVERY_FRAMES) if in_view(trace, actor, frame, sight))
     first = next(frames, None)
     return None if first is None else float(trace.time_s[first])

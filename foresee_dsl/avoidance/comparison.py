@@ -23,7 +23,7 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
+from foresee_dsl.simulate.results.outcome import contact_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, Trace, X, Y
@@ -116,7 +116,7 @@ class _Compared:
 
     def _stands(self, other: int) -> bool:
         recent = self._failed.states[max(0, self._end - round(1 / STEP_S)) :, other, SPEED]
-        return bool((np.nan_to_num(recent) < STUCK_SPEED_MPS).all())
+        return bool((np.nan_to_num(recent) < STANDS_MPS).all())
 
     def _comes_there(self) -> bool:
         return bool(np.nanmin(self._distances()) <= 2 * SAME_PLACE_M)

@@ -15,6 +15,7 @@ from foresee_dsl.campaign.allocation.rounds import FIRST_WHY
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.grouping import findings_of
 from foresee_dsl.campaign.records import (
+    FAILED,
     CaseRunOutcome,
     ChildOutcome,
     ClipOutcome,
@@ -26,7 +27,7 @@ from foresee_dsl.campaign.records import (
     decode,
 )
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
-from foresee_dsl.campaign.stages import FAILED, Stages
+from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep

@@ -19,13 +19,12 @@ from importlib.metadata import distributions
 from importlib.util import find_spec
 from pathlib import Path
 
-from foresee_dsl.files import cache_folder, write_whole
+from foresee_dsl.files import PACKAGE, cache_folder, write_whole
 
 DIGITS = 40
 """Number of hexadecimal digits of a hash. Ours: 160 bits; among a billion hashes, the probability that two are equal is
 below 1e-30.
 """
-_PACKAGE = Path(__file__).resolve().parents[1]
 _CACHE = "imports-2.json"
 """Cache file of the imports of each source, by the source's hash, as reading 230 sources took 2 s. The number in the
 name must be raised when `imports_of` changes."""
@@ -101,7 +100,7 @@ def imports_of(source: bytes) -> Iterator[str]:
 def with_plug_ins() -> frozenset[str]:
     """Return the names of this package and of all plug-in packages; no package is imported."""
     entries = (e for package in distributions() for e in package.entry_points if e.group.startswith(_GROUPS))
-    return frozenset({_PACKAGE.name, *(top_of(entry.module) for entry in entries)})
+    return frozenset({PACKAGE.name, *(top_of(entry.module) for entry in entries)})
 
 
 def top_of(module: str) -> str:
@@ -117,7 +116,7 @@ def file_hash(file: Path) -> str:
 
 def _followed(modules: Iterable[str]) -> frozenset[str]:
     """Return the packages in which the imports of these modules are followed."""
-    tops = {_PACKAGE.name, *map(top_of, modules)}
+    tops = {PACKAGE.name, *map(top_of, modules)}
     return frozenset(tops) if len(tops) == 1 else frozenset(tops | with_plug_ins())
 
 

@@ -449,7 +449,7 @@ class Repeats:
     @property
     def failed(self) -> int:
         """Number of runs that failed."""
-        return sum(count for verdict, count in self.ends.items() if verdict in _FAILED)
+        return sum(count for verdict, count in self.ends.items() if verdict in FAILED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -502,7 +502,8 @@ class WrittenFinding:
         return (*braking, *ahead, *self.opinions)
 
 
-_FAILED = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
+FAILED = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
+"""The verdicts that count as failures, in the form in which rows of the store contain them."""
 Record = CaseRunOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised | Repeats
 """A step's result. A new class is added here; `campaign.assembly` then fails the type check until it handles it."""
 

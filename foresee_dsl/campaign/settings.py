@@ -10,6 +10,7 @@ from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.campaign_values import (
     AROUND_S,
     CHILDREN_BOUNDS,
+    DEFAULT_AROUND_S,
     DEFAULT_CHILDREN,
     REPEAT,
     RISKY_POINTS,
@@ -88,8 +89,12 @@ class CampaignSettings:
     driver: str = "pdm"
     ranker: str = "reach"
     preset: str = "avoidable"
-    before_s: float = field(default=5.0, metadata=option("Seconds of a clip before its risky point.", AROUND_S))
-    after_s: float = field(default=5.0, metadata=option("Seconds of a clip after its risky point.", AROUND_S))
+    before_s: float = field(
+        default=DEFAULT_AROUND_S, metadata=option("Seconds of a clip before its risky point.", AROUND_S)
+    )
+    after_s: float = field(
+        default=DEFAULT_AROUND_S, metadata=option("Seconds of a clip after its risky point.", AROUND_S)
+    )
     risky_points: int = field(default=3, metadata=option("Maximum number of risky points per run.", RISKY_POINTS))
     children: int = field(default=DEFAULT_CHILDREN, metadata=option("Number of mutants per clip.", CHILDREN_BOUNDS))
     seed: int = 0

@@ -17,7 +17,7 @@ from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.goal import with_goal
 from foresee_dsl.campaign.keys import judged_identity, key, operators_identity, ranker_identity
-from foresee_dsl.campaign.records import decode
+from foresee_dsl.campaign.records import FAILED, decode
 from foresee_dsl.campaign.settings import CampaignLimits, CampaignSettings, Shard
 from foresee_dsl.campaign.steps.case_run import CaseStep
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -60,8 +60,6 @@ STEPS = _steps()
 """All classes of steps, each after the class that it follows from."""
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
 """The classes of steps that follow from each kind of step."""
-FAILED = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
-"""The verdicts that count as failures, in the form in which rows of the store contain them."""
 
 
 def _next(node: StepNode, row: Row) -> Iterator[type[AnyStep]]:

@@ -20,7 +20,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.completion import VARIABLE
-from foresee_dsl.cli.options.common import BUG, Consenting, explain_error
+from foresee_dsl.cli.options.common import BUG, SETTINGS, Consenting, explain_error
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.cli.options.plain_output import guard_streams
 
@@ -147,11 +147,10 @@ class _Listed(TyperCommand):
 
 PLUG_INS = "Plug-ins"
 """The group of the help that lists the commands of other packages."""
-_SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
 def _alone(call: Callable[..., None], name: str, panel: str) -> Any:  # noqa: ANN401 - as above
-    alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=_SETTINGS)
+    alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS)
     alone.command(name=name, cls=Consenting, rich_help_panel=panel)(for_tools(call, name))
     return typer.main.get_command(alone)
 
@@ -175,7 +174,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=VARIABLE in os.environ,
-    context_settings=_SETTINGS,
+    context_settings=SETTINGS,
 )
 
 

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.completion import case_addresses, drivers
 from foresee_dsl.cli.options import common
-from foresee_dsl.cli.options.campaign_options import CPUS, Jobs
+from foresee_dsl.cli.options.campaign_options import Jobs
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.language.campaign_values import RULES_MODE
 from foresee_dsl.report.formats import CommandReport
@@ -21,7 +22,7 @@ def conform(
         str,
         typer.Argument(metavar="DRIVER", help="A driver, as for `--driver` of other commands.", autocompletion=drivers),
     ],
-    jobs: Annotated[int, typer.Option("--jobs", min=1, max=256, help="Number of processes.")] = 2,
+    jobs: Annotated[int, common.jobs_option("Number of processes.")] = 2,
     seed: common.SeedOption = 0,
     step_deadline: common.StepDeadlineOption = None,
     format_: FormatOption = "text",

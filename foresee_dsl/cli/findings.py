@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, console, print_json
+from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, console, jobs_option, print_json
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.records import Minimised
@@ -165,7 +165,7 @@ def diagnose(
     ] = False,
     driver: OtherDriverOption = "",
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed to use instead of the recorded one.")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, max=512, help="Number of processes for `--all`.")] = 1,
+    jobs: Annotated[int, jobs_option("Number of processes for `--all`.")] = 1,
     run_programs: _RunProgramsOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -208,7 +208,7 @@ def sure(
     campaign: CampaignOption = Path("out"),
     driver: OtherDriverOption = "",
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed, instead of the recorded one.")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, max=512, help="Number of processes.")] = 1,
+    jobs: Annotated[int, jobs_option("Number of processes.")] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the failing region as a scenario that draws cases in it.")
     ] = None,

@@ -14,14 +14,13 @@ from typing import Annotated, Any, cast, get_args, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from foresee_dsl.cli.options.common import Consenting, JsonOption, console, print_json
+from foresee_dsl.cli.options.common import SETTINGS, Consenting, JsonOption, console, print_json
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.exchange.protocol import Format, Option, Tell, options_of
 from foresee_dsl.plugins import PluginGroup
 from foresee_dsl.report.safe_text import counted
 
-SETTINGS = {"help_option_names": ["-h", "--help"]}
 _OURS = {"json", "output"}
 """Options that every format's command has in addition to its own."""
 

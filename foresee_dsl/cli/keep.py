@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.findings import CampaignOption, OtherDriverOption
-from foresee_dsl.cli.options.campaign_options import CPUS, Jobs
+from foresee_dsl.cli.options.campaign_options import Jobs
 from foresee_dsl.cli.options.common import (
     FAILED,
     DeadlineOption,

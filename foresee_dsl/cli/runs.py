@@ -12,7 +12,13 @@ from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.common import FailFastOption, FirstOption, OnlyOption, profiling, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
-from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN, RULES_MODE
+from foresee_dsl.language.campaign_values import (
+    AROUND_S,
+    CHILDREN_BOUNDS,
+    DEFAULT_AROUND_S,
+    DEFAULT_CHILDREN,
+    RULES_MODE,
+)
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import CommandReport
 
@@ -26,8 +32,8 @@ if TYPE_CHECKING:
     from foresee_dsl.simulate.trace import Trace
 
 TraceArgument = Annotated[Path, typer.Argument(metavar="TRACE", help="A trace (.npz) that `foresee run` wrote.")]
-Before = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds before the risky point.")]
-After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after the risky point.")]
+Before = Annotated[float, typer.Option(min=AROUND_S[0], max=AROUND_S[1], help="Seconds before the risky point.")]
+After = Annotated[float, typer.Option(min=AROUND_S[0], max=AROUND_S[1], help="Seconds after the risky point.")]
 
 
 def run(
@@ -44,9 +50,7 @@ def run(
     seed: common.SeedOption = 0,
     rules: common.RulesOption = RULES_MODE,
     out: Annotated[Path | None, typer.Option("--out", help="Save the traces in this folder.")] = None,
-    jobs: Annotated[
-        int, typer.Option("--jobs", min=1, max=256, help="Number of processes among which several cases are divided.")
-    ] = 1,
+    jobs: Annotated[int, common.jobs_option("Number of processes among which several cases are divided.")] = 1,
     first: FirstOption = None,
     only: OnlyOption = None,
     fail_fast: FailFastOption = False,
@@ -193,8 +197,8 @@ def forecast(
     trace: TraceArgument,
     ranker: common.RankerOption = "foresee",
     seed: common.SeedOption = 0,
-    before: Before = 5.0,
-    after: After = 5.0,
+    before: Before = DEFAULT_AROUND_S,
+    after: After = DEFAULT_AROUND_S,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
@@ -216,8 +220,8 @@ def clip(
     ranker: common.RankerOption = "foresee",
     rank: Annotated[int, typer.Option(min=1, help="Rank of the risky point to clip; 1 is the riskiest.")] = 1,
     seed: common.SeedOption = 0,
-    before: Before = 5.0,
-    after: After = 5.0,
+    before: Before = DEFAULT_AROUND_S,
+    after: After = DEFAULT_AROUND_S,
     handover: common.HandoverOption = None,
     out: common.OutOption = Path("clips"),
     run_programs: Annotated[
@@ -278,7 +282,7 @@ def clip(
 def mutate(
     file: Annotated[Path, typer.Argument(metavar="CLIP", help="A clip's file.")],
     preset: common.PresetOption = "focused",
-    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants.")] = DEFAULT_CHILDREN,
+    children: Annotated[int, typer.Option(min=1, max=CHILDREN_BOUNDS[1], help="Number of mutants.")] = DEFAULT_CHILDREN,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
     format_: FormatOption = "text",

@@ -272,7 +272,7 @@ class PlacedActor:
     passes: bool = False
     """True if it passes vehicles within its lane (`passes in lane`)."""
     style: str = ""
-    """Its driving style, a name in `compile.styles.STYLES`; "" for the style of its model."""
+    """Its driving style, a name in `STYLES`; "" for the style of its model."""
     sublanes: bool = False
     """True if SUMO decides its lateral position, because it or another actor of the scenario passes within its lane."""
     playback: Playback | None = None

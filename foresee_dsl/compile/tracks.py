@@ -13,6 +13,7 @@ from typing import NamedTuple
 from foresee_dsl.compile.roads.polyline import XY, Points, distance, wrap
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import open_outside
+from foresee_dsl.language.units import ROUNDING_S
 
 FIRST_LINE = "# foresee tracks 1"
 COLUMNS = ("time_s", "actor", "x_m", "y_m", "heading_deg", "speed_mps")
@@ -26,8 +27,6 @@ WAY_EVERY_M = 1.0
 """
 _SHORTEST_WAY_M = 0.1
 """The line along the track of an actor that never moves is this long, m. Ours: it only gives the actor a direction."""
-_ROUNDING_S = 1e-6
-"""Tolerance of times, s: clips round them."""
 
 
 class TracksError(ForeseeError):
@@ -81,7 +80,7 @@ class FileTrack:
 
     def covers(self, time_s: float) -> bool:
         """Return whether a time lies between the first and the last sample."""
-        return self.begin_s - _ROUNDING_S <= time_s <= self.end_s + _ROUNDING_S
+        return self.begin_s - ROUNDING_S <= time_s <= self.end_s + ROUNDING_S
 
     def at(self, time_s: float) -> TrackState:
         """Return the state at a time, linear between samples; before the first and after the last sample, that

@@ -193,7 +193,7 @@ def idm_acceleration(speed_mps: float, desired_mps: float, gap_m: float, leader_
 
 
 @dataclass(frozen=True)
-class Others:
+class ActorsOnRoute:
     """The other actors in the route's coordinates; every array is [A].
 
     Attributes:
@@ -218,7 +218,7 @@ class IdmLeader:
     speed_mps: float
 
 
-def read_others(situation: RoadSituation) -> Others:
+def read_others(situation: RoadSituation) -> ActorsOnRoute:
     """Return the other actors in the route's coordinates."""
     ego, actors = situation.ego, situation.actors
     road = situation.route.points[actors["point"]]
@@ -226,7 +226,7 @@ def read_others(situation: RoadSituation) -> Others:
     across = actors["sin"] * road["cos"] - actors["cos"] * road["sin"]
     reach_s = actors["half_length"] * np.abs(along) + actors["half_width"] * np.abs(across)
     reach_d = actors["half_length"] * np.abs(across) + actors["half_width"] * np.abs(along)
-    return Others(
+    return ActorsOnRoute(
         ahead=actors["s"] - reach_s - ego.front_s,
         far=actors["s"] + reach_s - ego.rear_s,
         d=actors["d"],
@@ -236,7 +236,7 @@ def read_others(situation: RoadSituation) -> Others:
     )
 
 
-def leader(others: Others) -> IdmLeader | None:
+def leader(others: ActorsOnRoute) -> IdmLeader | None:
     """Return the nearest actor ahead in the corridor; None if there is none. An oncoming actor counts as standing."""
     inside = (np.abs(others.d) < others.side + CORRIDOR_MARGIN_M) & (others.ahead > -1.0)
     if not inside.any():
@@ -245,7 +245,7 @@ def leader(others: Others) -> IdmLeader | None:
     return IdmLeader(float(others.ahead[nearest]), max(float(others.speed_s[nearest]), 0.0))
 
 
-def time_to_collision(others: Others, speed_mps: float) -> float:
+def time_to_collision(others: ActorsOnRoute, speed_mps: float) -> float:
     """Return the time until the ego, at constant speed in its corridor, first touches an actor, s; infinite if it never
     does.
     """
@@ -256,7 +256,7 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
     return float(np.where(touch, first, np.inf).min(initial=np.inf))
 
 
-def walkers(situation: RoadSituation, others: Others) -> float | None:
+def walkers(situation: RoadSituation, others: ActorsOnRoute) -> float | None:
     """Return the gap (m) to the nearest pedestrian that is in the corridor now, or will be when the ego arrives; None
     if there is none.
     """
@@ -366,7 +366,7 @@ def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[Floa
     return enters, leaves
 
 
-def _sideways(others: Others, margin_m: float) -> tuple[FloatArray, FloatArray]:
+def _sideways(others: ActorsOnRoute, margin_m: float) -> tuple[FloatArray, FloatArray]:
     """Return the interval of time in which each actor is in the ego's corridor, s; (inf, -inf) if it never is."""
     width = others.side + margin_m
     return _span(others.d - width, others.d + width, -others.speed_d)

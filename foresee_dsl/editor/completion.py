@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, cast, get_args
 
 from foresee_dsl.editor.files import Definition, Files
-from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots
+from foresee_dsl.editor.probe import Before, CompletionSlot, accepted, before, slots
 from foresee_dsl.editor.symbols import kind_named
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
@@ -78,7 +78,7 @@ def _keyword(word: str) -> Suggestion:
     return Suggestion(word, "keyword", keyword.meaning, f"{keyword.meaning}\n\n`{keyword.example}`")
 
 
-def _of_slot(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
+def _of_slot(files: Files, path: Path, slot: CompletionSlot, place: Before) -> Iterator[Suggestion]:
     if slot.token == "UNIT":
         dimension = _dimension(files, path, slot)
         yield from (Suggestion(u.word, "unit") for u in UNITS.values() if dimension in (None, u.dimension))
@@ -92,7 +92,7 @@ def _of_slot(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Su
         yield from _names(files, path, slot, place)
 
 
-def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
+def _names(files: Files, path: Path, slot: CompletionSlot, place: Before) -> Iterator[Suggestion]:
     kind = kind_named(slot.node, slot.field)
     if kind == "file":
         yield from _files(path, _SUFFIXES.get(slot.node.kind, (SUFFIX,)))
@@ -108,7 +108,7 @@ def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Sugg
                 yield Suggestion(name, "name", _describe(definition))
 
 
-def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Before) -> Iterator[Suggestion]:
+def _of_kind(files: Files, path: Path, slot: CompletionSlot, kind: SymbolKind, place: Before) -> Iterator[Suggestion]:
     if kind == "thing":
         kinds: tuple[SymbolKind, ...] = ("actor", "junction")
     elif kind == "word":
@@ -148,7 +148,7 @@ def _of_type(type_: str) -> tuple[SymbolKind, ...]:
     return (kinds[type_],) if type_ in kinds else ()
 
 
-def _type_of_word(files: Files, path: Path, slot: Slot) -> str:
+def _type_of_word(files: Files, path: Path, slot: CompletionSlot) -> str:
     if slot.node.kind is m.Param:
         return str(slot.node.fields.get("type", ""))
     name = slot.node.fields.get("left" if "left" in slot.node.fields else "name")
@@ -157,7 +157,7 @@ def _type_of_word(files: Files, path: Path, slot: Slot) -> str:
     return files.type_of(path, str(name))
 
 
-def _properties(slot: Slot, place: Before) -> tuple[str, ...]:
+def _properties(slot: CompletionSlot, place: Before) -> tuple[str, ...]:
     """Return the words that can follow an actor's name and a dot."""
     if slot.node.kind is m.Measure:
         functions = words_of_terminals(
@@ -179,7 +179,7 @@ def _changeable(files: Files, path: Path) -> Iterator[Suggestion]:
         yield from (Suggestion(f"{name}.{what}", "name") for what in owner.properties)
 
 
-def _fits(definition: Definition, slot: Slot, kind: SymbolKind | None) -> bool:
+def _fits(definition: Definition, slot: CompletionSlot, kind: SymbolKind | None) -> bool:
     type_ = definition.occurrence.owner.fields.get("type")
     if kind in ("road", "junction"):
         return type_ in ("arm", kind)
@@ -187,7 +187,7 @@ def _fits(definition: Definition, slot: Slot, kind: SymbolKind | None) -> bool:
     return type_ == wanted
 
 
-def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
+def _parameters(files: Files, path: Path, slot: CompletionSlot) -> Iterator[Suggestion]:
     """Yield the parameters that can stand for a value or for a model."""
     above = slot.above[-1] if slot.above else slot.node
     dimension = _dimension(files, path, slot)
@@ -202,7 +202,7 @@ def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
             yield Suggestion(name, "name", _describe(definition))
 
 
-def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
+def _dimension(files: Files, path: Path, slot: CompletionSlot) -> Dimension | None:
     """Return the dimension of a value at the slot; None if it may have any."""
     inner, outer = slot.node, list(slot.above)
     # Operands of a sum have the dimension of the whole.

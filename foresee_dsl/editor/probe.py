@@ -62,7 +62,7 @@ class Before:
 
 
 @dataclass(frozen=True)
-class Slot:
+class CompletionSlot:
     """A place for a name, number or unit in a half-written text: the node, its field, and the nodes above, outermost
     first."""
 
@@ -111,7 +111,7 @@ def accepted(text: str) -> tuple[str, ...]:
     return tuple(sorted(state.accepts())) if state is not None else ()
 
 
-def slots(text: str, terminals: tuple[str, ...]) -> Iterator[Slot]:
+def slots(text: str, terminals: tuple[str, ...]) -> Iterator[CompletionSlot]:
     """Yield the possible meanings of a name, number, unit or quoted text directly after a text.
 
     One word can mean several things (`when ego` continues as `ego within 5 m of ...` or `gap < 2 s`); each is yielded
@@ -149,7 +149,7 @@ def _probed(text: str, terminal: str) -> InteractiveParser | None:
     return cast(InteractiveParser, state)
 
 
-def _slot(text: str, terminal: str, following: str) -> Slot | None:
+def _slot(text: str, terminal: str, following: str) -> CompletionSlot | None:
     state = _probed(text, terminal)
     try:
         tree = _ended(state, following) if state is not None else None
@@ -162,7 +162,7 @@ def _slot(text: str, terminal: str, following: str) -> Slot | None:
         for field, value in node.fields.items():
             parts = value if isinstance(value, tuple) else (value,)
             if any(not isinstance(part, Node) and str(part) in _PROBES for part in parts):
-                return Slot(terminal, node, field, above)
+                return CompletionSlot(terminal, node, field, above)
     return None
 
 

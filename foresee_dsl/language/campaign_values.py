@@ -9,6 +9,8 @@ from enum import StrEnum
 
 AROUND_S = (0.5, 60)
 """Allowed seconds of a clip before and after its risky point, from the shortest to the longest."""
+DEFAULT_AROUND_S = 5.0
+"""Seconds of a clip before and after its risky point (the paper's best configuration: section 4.5, RQ1)."""
 RISKY_POINTS = (1, 1000)
 CHILDREN_BOUNDS = (0, 1000)
 DEFAULT_CHILDREN = 4

@@ -33,6 +33,10 @@ def dimension_of(word: object) -> Dimension | None:
     return next((dimension for dimension in NOUNS if dimension == word), None)
 
 
+ROUNDING_S = 1e-6
+"""Tolerance when two times are compared, s: clips round times, and sums of times have rounding errors."""
+
+
 @dataclass(frozen=True, slots=True)
 class Unit:
     """A word for a unit: its dimension, and the factor that converts a number in it to SI."""

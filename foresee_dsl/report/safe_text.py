@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import unicodedata
 
+COLUMNS = 80
+"""Width of the reports for a terminal, in columns. Ours: the usual width of a terminal."""
 LONGEST = 400
 """Default maximum length of a printed text, characters. Ours: five lines of 80 columns; callers pass a larger one for
 paths."""

@@ -12,11 +12,11 @@ from types import FrameType, TracebackType
 from typing import NamedTuple
 
 from foresee_dsl.errors import DriverError
+from foresee_dsl.files import PACKAGE
 from foresee_dsl.language.printer import quotable
 from foresee_dsl.simulate.results.verdict import Hang
 
-_PACKAGE = Path(__file__).resolve().parents[1]
-_DRIVERS = _PACKAGE / "drivers"
+_DRIVERS = PACKAGE / "drivers"
 _LOADING = _DRIVERS / "registry.py"
 LONGEST_REASON = 1000
 """Maximum number of characters of an exception's text in the reason. Ours: half of the limit of a text in a file."""
@@ -142,4 +142,4 @@ def _package(entry: _Entry) -> str:
 
 def _is_ours(file: Path) -> bool:
     """Return whether a file belongs to the simulator; the bundled drivers count as drivers."""
-    return file.is_relative_to(_PACKAGE) and (not file.is_relative_to(_DRIVERS) or file == _LOADING)
+    return file.is_relative_to(PACKAGE) and (not file.is_relative_to(_DRIVERS) or file == _LOADING)

@@ -17,10 +17,10 @@ from pydantic import TypeAdapter
 from foresee_dsl.kernels.constants import STEP_S
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
+from foresee_dsl.language.units import ROUNDING_S
 
 Place = tuple[int, ...]
 """Place of an action in a trigger: the indices of the actions from the trigger's block inwards."""
-_ROUNDING_S = 1e-6
 
 
 def frames_of(duration_s: float) -> int:
@@ -161,7 +161,7 @@ class ActorOrders:
     def at(self, time_s: float) -> ActorOrders:
         """Return the orders in force at a later time, when a change of speed may be complete."""
         until_s = self.speed.until_s if self.speed else None
-        if until_s is None or until_s > time_s + _ROUNDING_S:
+        if until_s is None or until_s > time_s + ROUNDING_S:
             return self
         action = self.speed.action if self.speed else None
         return replace(self, speed=None, cruise=action.to if isinstance(action, m.ChangesSpeed) else self.cruise)
@@ -218,12 +218,12 @@ class DirectorRecord:
     def orders_at(self, time_s: float) -> dict[str, ActorOrders]:
         """Return the orders to each actor up to a time."""
         by_actor = {actor: _at(states, time_s).at(time_s) for actor, states in self.orders.items()}
-        return {actor: orders for actor, orders in by_actor.items() if orders.time_s <= time_s + _ROUNDING_S}
+        return {actor: orders for actor, orders in by_actor.items() if orders.time_s <= time_s + ROUNDING_S}
 
     def fires_after(self, trigger: int, time_s: float) -> float | None:
         """Return when a trigger next fires after a time; None if it does not."""
         fired = (state.fired_s for state in self.triggers[trigger])
-        return next((at for at in fired if at is not None and at > time_s + _ROUNDING_S), None)
+        return next((at for at in fired if at is not None and at > time_s + ROUNDING_S), None)
 
     def completes_after(self, trigger: int, place: Place, time_s: float) -> float | None:
         """Return when an action in progress at a time will be complete; None if its trigger fires again, or the run
@@ -231,7 +231,7 @@ class DirectorRecord:
         states = self.triggers[trigger]
         fired_s = _at(states, time_s).fired_s
         for state in states:
-            if state.time_s <= time_s + _ROUNDING_S:
+            if state.time_s <= time_s + ROUNDING_S:
                 continue
             if state.fired_s != fired_s:
                 return None
@@ -266,7 +266,7 @@ def add(states: list[_State], state: _State) -> None:
 
 def _at(states: Sequence[_State], time_s: float) -> _State:
     """Return the state at a time; before the first state, the first state."""
-    return next((state for state in reversed(states) if state.time_s <= time_s + _ROUNDING_S), states[0])
+    return next((state for state in reversed(states) if state.time_s <= time_s + ROUNDING_S), states[0])
 
 
 @cache

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.story.facts import Facts
@@ -32,9 +32,9 @@ def contact_class(facts: Facts) -> ContactClass:
         return _WITHOUT_CONTACT.get(facts.verdict, ContactClass.NONE)
     if steered_into(facts, impact):
         return ContactClass.STRUCK_BY_STEERED
-    if impact.ego_mps < STUCK_SPEED_MPS:
+    if impact.ego_mps < STANDS_MPS:
         return ContactClass.HIT_WHILE_STANDING
-    if impact.struck_by == "ego" or impact.other_mps < STUCK_SPEED_MPS:
+    if impact.struck_by == "ego" or impact.other_mps < STANDS_MPS:
         return ContactClass.EGO_DROVE_INTO
     return ContactClass.BOTH_MOVING
 
@@ -53,7 +53,7 @@ def steered_into(facts: Facts, impact: Impact) -> bool:
     ego does not turn, and the opponent struck the ego. An actor that crosses the ego's way would reach the ego on any
     line.
     """
-    if facts.opponent is None or impact.other_mps < STUCK_SPEED_MPS or not moved_towards(facts):
+    if facts.opponent is None or impact.other_mps < STANDS_MPS or not moved_towards(facts):
         return False
     change = steering_of(facts)
     if change is not None and change.property == "steer":

@@ -17,11 +17,12 @@ from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change
 from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.infraction import Infraction, infractions_in
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
+from foresee_dsl.simulate.results.outcome import contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
@@ -153,7 +154,7 @@ class Facts:
         """Return the column of the moving actor that came nearest to the ego; None if it stayed beyond `NEAR_M`."""
         nearest: tuple[float, int | None] = (NEAR_M, None)
         for actor in range(1, len(self.trace.actors)):
-            moving = self.speed(actor) >= STUCK_SPEED_MPS
+            moving = self.speed(actor) >= STANDS_MPS
             if moving.any():
                 least = float(np.min(np.where(moving, self.gaps_m(actor), np.inf)))
                 nearest = min(nearest, (least, actor), key=lambda pair: pair[0])

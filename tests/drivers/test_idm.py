@@ -10,8 +10,8 @@ import pytest
 
 from foresee_dsl.drivers.idm import (
     EMERGENCY_TTC_S,
+    ActorsOnRoute,
     IdmDriver,
-    Others,
     giving_way,
     idm_acceleration,
     leader,
@@ -69,9 +69,9 @@ def test_a_gap_of_nothing_is_no_division_by_zero() -> None:
 # ---- the others -----------------------------------------------------------------------------------------------------
 
 
-def others(**more: float) -> Others:
+def others(**more: float) -> ActorsOnRoute:
     values = {"ahead": 20.0, "far": 30.0, "d": 0.0, "speed_s": 0.0, "speed_d": 0.0, "side": 1.8, **more}
-    return Others(**{key: np.array([value]) for key, value in values.items()})
+    return ActorsOnRoute(**{key: np.array([value]) for key, value in values.items()})
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,9 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, Failure, contact
 from foresee_dsl.avoidance.r157.risk import REACTION_S
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
@@ -196,13 +196,13 @@ class _Assessment:
         return replace(anticipation or self._not(seen_s, begins_s), seen_s=seen_s)
 
     def _moved(self) -> bool:
-        return bool((self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS).any())
+        return bool((self._trace.states[:, 0, SPEED] >= STANDS_MPS).any())
 
     def _stands(self, seen_s: float | None) -> str:
         """Return for how long the ego had stood, in words, if it stood before the driver could act; else ""."""
-        if self._failed.ego_mps >= STUCK_SPEED_MPS:
+        if self._failed.ego_mps >= STANDS_MPS:
             return ""
-        moving = np.flatnonzero(self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS)
+        moving = np.flatnonzero(self._trace.states[:, 0, SPEED] >= STANDS_MPS)
         since_s = (int(moving[-1]) + 1) * STEP_S if len(moving) else 0.0
         if since_s > 0.0 and seen_s is not None and since_s > seen_s + REACTION_S:
             return ""  # the ego still drove when it could have acted
@@ -248,7 +248,7 @@ class _Assessment:
         if left is None or left.with_ != self._failed.with_ or result.verdict is not Verdict.F2:
             return None
         speeds = result.trace.states[:, 0, SPEED]
-        moving = np.flatnonzero(speeds >= STUCK_SPEED_MPS)
+        moving = np.flatnonzero(speeds >= STANDS_MPS)
         stood_s = (len(speeds) - 1 - int(moving[-1]) if len(moving) else len(speeds)) * STEP_S
         return stood_s if stood_s >= STOOD_S - 1e-9 else None
 
@@ -323,7 +323,7 @@ class _Assessment:
             near = confirmed.least_m
             grazes = near is not None and near < CLEAR_M
             return f"comes within {near:.2f} m" if grazes else f"ends otherwise: {confirmed.result.reason}"
-        stands = ", the ego standing" if left.ego_mps < STUCK_SPEED_MPS else ""
+        stands = ", the ego standing" if left.ego_mps < STANDS_MPS else ""
         return f"leaves {left.relative_mps:.1f} m/s ({left.struck}{stands})"
 
 

@@ -46,7 +46,8 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 _EVERY_S = 0.1
 _PREDICTED_LEAST_MPS = 2.0
 """Lowest speed with which the ego is predicted, m/s, to see whether a standing ego could set off. Ours."""
-_EVERY_FRAMES = 2
+LOOKS_EVERY_FRAMES = 2
+"""Frames between two looks for what the ego sees first: 0.1 s, the scans of the standard sensors."""
 _ON_WAY_M, _SAME_WAY = 2.0, 0.7
 """An actor is on a way if it is nearer to the way than the first number, m, and the cosine of the angle between their
 headings is larger than the second number (45 degrees). Ours: within its lane.
@@ -200,7 +201,7 @@ def onset(
         meets = conflicts(PredictedEgo(way, along_m, speed_mps, info.length_m, info.width_m, first), [them])[0]
         return meets is not None and meets.certain and in_view(trace, other, frame, sight)
 
-    first_frame = beginning(trace, foresees, forgets_s=FORGETS_S, every=_EVERY_FRAMES)
+    first_frame = beginning(trace, foresees, forgets_s=FORGETS_S, every=LOOKS_EVERY_FRAMES)
     if first_frame is None:
         return None
-    return 0.0 if first_frame < _EVERY_FRAMES else round(first_frame * STEP_S, 6)
+    return 0.0 if first_frame < LOOKS_EVERY_FRAMES else round(first_frame * STEP_S, 6)

@@ -20,12 +20,8 @@ from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import COMFORTABLE_MPS2, GRAVITY_MPS2
 from foresee_dsl.kernels.what_if import WhatIf
+from foresee_dsl.simulate.results.criticality import SAME_WAY_RAD
 from foresee_dsl.simulate.trace import SPEED, STEP_S, YAW_RATE, ActorInfo
-
-_ALONG_RAD = math.radians(45)
-"""Two vehicles drive in the same direction if their headings differ by at most this, rad (as in
-`operators.paper`).
-"""
 
 
 class Kind(StrEnum):
@@ -341,7 +337,7 @@ class Behaviours:
         x, y, heading, _ = self._run.tracks[actor, self._first + round(at / STEP_S)]
         way = self._run.tracks[0, self._first : self._last + 1]
         passes = way[int(np.hypot(way[:, 0] - x, way[:, 1] - y).argmin()), 2]
-        return math.cos(passes - heading) > math.cos(_ALONG_RAD)
+        return math.cos(passes - heading) > math.cos(SAME_WAY_RAD)
 
     def _turned(self, actor: int, at: float) -> bool:
         """Return whether an actor has just completed a turn and drives straight on."""

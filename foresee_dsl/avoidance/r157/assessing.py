@@ -15,8 +15,8 @@ from foresee_dsl.avoidance.judge import R157, Failure, contact
 from foresee_dsl.avoidance.r157.risk import Perception, perceive
 from foresee_dsl.avoidance.replay import Replay
 from foresee_dsl.documents import every_field
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.campaign_values import RulesMode
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.sight import sight_of
@@ -96,7 +96,7 @@ class R157Driver:
 
 
 def _judged(failure: Failure, failed: Impact) -> Preventability:
-    if failed.ego_mps < STUCK_SPEED_MPS:
+    if failed.ego_mps < STANDS_MPS:
         return Preventability(Preventable.UNKNOWN, f"the ego stood: {failed.struck}")
     bundle, result = failure.bundle, failure.result
     seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(result.trace, bundle))
@@ -151,7 +151,7 @@ def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
 def _with_contact(seen: Perception, failed: Impact, left: Impact) -> tuple[Preventable, str]:
     if left.with_ != failed.with_:
         return Preventable.UNKNOWN, f"avoids {failed.with_}, but {left.struck}"
-    if left.ego_mps < STUCK_SPEED_MPS:
+    if left.ego_mps < STANDS_MPS:
         return Preventable.UNKNOWN, f"brings the ego to a stand before {left.struck}"
     leaves = f"leaves an impact of {left.relative_mps:.1f} m/s, without it {failed.relative_mps:.1f} m/s: {left.struck}"
     return (Preventable.UNKNOWN, f"{leaves}; {_BEFORE}") if seen.at_once else (Preventable.NO, leaves)

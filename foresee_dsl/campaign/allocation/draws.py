@@ -157,16 +157,16 @@ class DrawnChild(NamedTuple):
     request: RequestedMutant
 
 
-class Option(NamedTuple):
+class DrawOption(NamedTuple):
     """A mutant that can be drawn: from which unit, by which plan, and the mutant whose changes it uses, if any."""
 
-    unit: Unit
+    unit: SeededClip
     plan: int
     base: DrawnChild | None = None
 
 
 @dataclass
-class Unit:
+class SeededClip:
     """A clip with one of the seeds of mutation, and the mutants that were drawn from it with this seed."""
 
     clip: StepNode
@@ -227,7 +227,7 @@ class Unit:
 class ClipDraws:
     """The mutants of one clip with all seeds, and the ways in which further ones can be drawn."""
 
-    def __init__(self, units: list[Unit], facts: Mapping[StepNode, ChildFacts]) -> None:
+    def __init__(self, units: list[SeededClip], facts: Mapping[StepNode, ChildFacts]) -> None:
         """`facts`: the facts about the mutants that have run."""
         self.units, self._facts = units, facts
 
@@ -246,12 +246,12 @@ class ClipDraws:
         """Return the ways of the plans that are not exhausted, sorted."""
         return tuple(sorted({unit.way(plan) for unit in self.units for plan in unit.open_plans}))
 
-    def anew(self, way: DrawMethod) -> Option:
+    def anew(self, way: DrawMethod) -> DrawOption:
         """Return the next independent draw of one of `ways`."""
         able = [(unit, plan) for unit in self.units for plan in unit.open_plans if unit.way(plan) == way]
-        return Option(*min(able, key=lambda pair: (pair[0].numbers, pair[0].turns[pair[1]])))
+        return DrawOption(*min(able, key=lambda pair: (pair[0].numbers, pair[0].turns[pair[1]])))
 
-    def bases(self, how: How) -> Iterator[Option]:
+    def bases(self, how: How) -> Iterator[DrawOption]:
         """Yield the mutants whose changes a further mutant may use in a way: for `weaker` failures, otherwise near
         misses.
 
@@ -265,35 +265,37 @@ class ClipDraws:
                     continue
                 facts = self._facts.get(drawn.node)
                 if facts and (facts.story if how is How.WEAKER else facts.nearness >= NEAR_ENOUGH):
-                    yield Option(unit, drawn.request.draw.plan, drawn)
+                    yield DrawOption(unit, drawn.request.draw.plan, drawn)
 
-    def best_bases(self, how: How, useful: Callable[[Option], bool] = lambda _: True) -> dict[DrawMethod, Option]:
+    def best_bases(
+        self, how: How, useful: Callable[[DrawOption], bool] = lambda _: True
+    ) -> dict[DrawMethod, DrawOption]:
         """Return, for each way, the `useful` base that came nearest, the first one drawn of equals."""
-        best: dict[DrawMethod, Option] = {}
+        best: dict[DrawMethod, DrawOption] = {}
         for option in filter(useful, self.bases(how)):
             way = option.unit.way(option.plan, how)
             if way not in best or self.nearness(option) > self.nearness(best[way]):
                 best[way] = option
         return best
 
-    def facts(self, option: Option) -> ChildFacts:
+    def facts(self, option: DrawOption) -> ChildFacts:
         """Return the facts about an option's base."""
         if option.base is None:
             raise ValueError("an independent draw uses no other mutant's changes")
         return self._facts[option.base.node]
 
-    def nearness(self, option: Option) -> float:
+    def nearness(self, option: DrawOption) -> float:
         """Return how near an option's base came to a failure, 0 to 1."""
         return self.facts(option).nearness
 
-    def why_near(self, option: Option) -> str:
+    def why_near(self, option: DrawOption) -> str:
         """Return, in words, what the mutant did whose changes a further one uses; "" for an independent draw."""
         if option.base is None:
             return ""
         facts = self.facts(option)
         return f"{option.base.step.name} {'failed' if facts.story else f'passed, {facts.miss}'}"
 
-    def want(self, option: Option, how: How, why: str) -> None:
+    def want(self, option: DrawOption, how: How, why: str) -> None:
         """Request a mutant."""
         unit, plan, base = option
         number = unit.numbers + 1
@@ -307,9 +309,9 @@ class ClipDraws:
         unit.wanted.append(request)
 
 
-def clip_draws(units: Collection[Unit], facts: Mapping[StepNode, ChildFacts]) -> list[ClipDraws]:
+def clip_draws(units: Collection[SeededClip], facts: Mapping[StepNode, ChildFacts]) -> list[ClipDraws]:
     """Return the clips of units, in the order of the units."""
-    by_clip: dict[str, list[Unit]] = {}
+    by_clip: dict[str, list[SeededClip]] = {}
     for unit in units:
         by_clip.setdefault(unit.step.draft.pin, []).append(unit)
     return [ClipDraws(own, facts) for own in by_clip.values()]

@@ -26,7 +26,7 @@ from foresee_dsl.campaign.allocation.draws import (
     Method,
     PastChild,
     RoundBudget,
-    Unit,
+    SeededClip,
     clip_draws,
 )
 from foresee_dsl.campaign.allocation.stories import Stories
@@ -172,9 +172,9 @@ class Rounds:
         )
         return nodes or self.next()
 
-    def _units(self) -> list[Unit]:
+    def _units(self) -> list[SeededClip]:
         """Return the mutated clips with their mutants, in an order that depends only on content hashes."""
-        units: dict[tuple[str, str, int], Unit] = {}
+        units: dict[tuple[str, str, int], SeededClip] = {}
         for node, row in self._stages.walk((*self.seeds, *self.nodes)):
             step = node.step
             if not isinstance(step, MutantsStep) or row is None or node.above is None:
@@ -183,7 +183,7 @@ class Rounds:
             if not isinstance(record, Mutants) or not (record.plans or record.searched):
                 continue
             name = step.draft.pin, step.name, step.seed
-            unit = units.setdefault(name, Unit(node.above, step, record.plans))
+            unit = units.setdefault(name, SeededClip(node.above, step, record.plans))
             unit.searched = max(unit.searched, record.searched)
             children = {child.step.mutant.number: child for child in self._stages.after(node, row)
                         if isinstance(child.step, ChildStep)}  # fmt: skip
@@ -196,7 +196,7 @@ class Rounds:
                     unit.missed(request_of_child)
         return [units[name] for name in sorted(units)]
 
-    def _past(self, units: list[Unit]) -> list[PastChild]:
+    def _past(self, units: list[SeededClip]) -> list[PastChild]:
         """Return the mutants that have run, in the order of their rounds."""
         every = sorted(((drawn, unit) for unit in units for drawn in unit.drawn), key=lambda pair: pair[0].round)
         return [

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, DrawMethod, Option, PastChild, RoundBudget
+from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, DrawMethod, DrawOption, PastChild, RoundBudget
 from foresee_dsl.derive.mutate import How
 
 NEW_UNAVOIDED = 0.5
@@ -205,7 +205,7 @@ class _Arm(NamedTuple):
 
     gain: Gain
     way: DrawMethod
-    option: Option
+    option: DrawOption
 
 
 def _best_arm(clip: ClipDraws, estimates: Estimates) -> _Arm | None:
@@ -217,17 +217,17 @@ def _best_arm(clip: ClipDraws, estimates: Estimates) -> _Arm | None:
     return max(arms, key=lambda arm: arm.gain.value, default=None)
 
 
-def _useful(clip: ClipDraws, estimates: Estimates) -> Callable[[Option], bool]:
+def _useful(clip: ClipDraws, estimates: Estimates) -> Callable[[DrawOption], bool]:
     """Return whether a mutant is worth varying: of failures only those whose story is not known to be avoidable."""
 
-    def useful(option: Option) -> bool:
+    def useful(option: DrawOption) -> bool:
         story = clip.facts(option).story
         return not story or not estimates.archive.cells[story]
 
     return useful
 
 
-def _arm(clip: ClipDraws, estimates: Estimates, way: DrawMethod, option: Option) -> _Arm:
+def _arm(clip: ClipDraws, estimates: Estimates, way: DrawMethod, option: DrawOption) -> _Arm:
     return _Arm(estimates.gain(clip.pin, clip.group, way, of_known=way.how is How.WEAKER), way, option)
 
 

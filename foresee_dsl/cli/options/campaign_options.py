@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import os
 import re
 from collections.abc import Callable, Mapping
 from copy import copy
@@ -17,6 +16,7 @@ import typer
 from typer.models import OptionInfo
 
 from foresee_dsl.campaign.settings import OPTION, CampaignLimits, CampaignSettings, SettingOption
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.report.safe_text import counted
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.workers.pool import Executor, RunOptions
     from foresee_dsl.drivers.protocol import Driver
 
-CPUS = os.cpu_count() or 1
-Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
+Jobs = Annotated[int, common.jobs_option("Worker processes.")]
 StoreOption = Annotated[
     Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
 ]

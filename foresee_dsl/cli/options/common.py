@@ -31,6 +31,16 @@ if TYPE_CHECKING:
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 """Exit codes: nothing failed; failures were found or the input has errors; wrong usage; a fault of foresee itself."""
+SETTINGS = {"help_option_names": ["-h", "--help"]}
+"""Click's settings of every command."""
+
+_MOST_PROCESSES = 256
+
+
+def jobs_option(about: str) -> Any:  # noqa: ANN401 - typer's own
+    """Return the option `--jobs` with its text in `--help`."""
+    return typer.Option("--jobs", min=1, max=_MOST_PROCESSES, help=about)
+
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[

@@ -13,6 +13,7 @@ from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, json_document, print_json
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.report.formats import CommandReport
+from foresee_dsl.report.safe_text import COLUMNS
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario
@@ -70,8 +71,6 @@ def expand(
 
 DEFAULT_COUNT = 20
 """Number of cases without `--count` (ours: they fit on a screen together with their coverage)."""
-_WIDTH = 80
-"""Maximum width of the tables, in columns."""
 
 
 def sample(
@@ -187,7 +186,7 @@ def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
     blocks: list[list[int]] = [[]]
     used = widths[0]
     for k in range(1, len(head)):
-        if blocks[-1] and used + 2 + widths[k] > _WIDTH:
+        if blocks[-1] and used + 2 + widths[k] > COLUMNS:
             blocks.append([])
             used = widths[0]
         blocks[-1].append(k)

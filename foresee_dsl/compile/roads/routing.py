@@ -13,14 +13,10 @@ from foresee_dsl.errors import Message, MessageText, measured
 from foresee_dsl.helps import HelpText, instead, one_of
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
-from foresee_dsl.language.streets.layout import next_piece
+from foresee_dsl.language.streets.layout import STRAIGHT_RAD, next_piece
 from foresee_dsl.language.traversal import word_of
 
 _AROUND = "choose a way around that place, or correct the map there"
-_STRAIGHT_RAD = math.radians(45)
-"""An exit of a roundabout counts as straight if its direction differs from straight on by at most this, rad (as for
-SUMO's directions).
-"""
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
 """SUMO's letters of directions in order of preference: if a plain turn and a half turn both count as `left`, `left`
@@ -226,7 +222,7 @@ def _round(network: Topology, edge: str, leg: Leg, kind: LaneKind) -> tuple[str,
                 following = movement.to_edge
                 continue
             off = wrap(angle(node) - angle(entry) - math.pi)
-            of: Turn = "straight" if abs(off) <= _STRAIGHT_RAD else ("left" if off > 0 else "right")
+            of: Turn = "straight" if abs(off) <= STRAIGHT_RAD else ("left" if off > 0 else "right")
             ideal = {"straight": 0.0, "left": math.pi / 2, "right": -math.pi / 2}[of]
             ways.append(("back" if node == entry else of, abs(off - ideal), (*on_ring, movement.to_edge)))
         if not following or following in on_ring:

@@ -31,12 +31,11 @@ from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
+from foresee_dsl.simulate.results.criticality import SAME_WAY_RAD
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 LEAST_GAP_M = 0.5
 """Smallest gap to a neighbour on the lane after a swap, m. Ours: SUMO's queues keep 2.5 m, real ones 1 m."""
-SAME_WAY_RAD = math.radians(45)
-"""Two vehicles whose headings differ by at most this may follow each other, rad. Ours: with more, their lanes cross."""
 
 
 class ModelSwap(BuiltIn):

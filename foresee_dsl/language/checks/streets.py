@@ -15,7 +15,7 @@ from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.streets import layout
-from foresee_dsl.language.streets.layout import BACK, Directed, Ring, lanes_of
+from foresee_dsl.language.streets.layout import BACK, STRAIGHT_RAD, Directed, Ring, lanes_of
 from foresee_dsl.language.streets.lines import at, number, wrapped, xy
 
 FROM_END_M = 15.0
@@ -26,8 +26,6 @@ half the width of the crossing."""
 MOUTH_M = 8.0
 """Minimum length of the ring between the carriageways of two arms of a roundabout, m (ours: two corners of 5 m that
 meet the ring at an angle)."""
-STRAIGHT_RAD = math.radians(45)
-"""Largest angle at which a way over a junction counts as straight, rad. SUMO names directions by the same limit."""
 RAMP_TURN_RAD = math.radians(100)
 """Largest angle by which a ramp may turn between its junction and its edge, rad (ours: for a larger turn the author
 must write the ramp's points, with `via`)."""

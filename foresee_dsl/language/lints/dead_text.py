@@ -16,9 +16,9 @@ from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import all_actions, parts, walk
+from foresee_dsl.language.units import ROUNDING_S
 
 _HELP = "change the condition, or " + remove("remove the actions that wait for it")
-_ROUNDING_S = 1e-6
 
 
 def certain_conditions(lints: Collector, case: TestCase) -> None:
@@ -90,7 +90,7 @@ def _dead_steps(
         reason = never(condition, limits) if condition is not None else ""
         if endless:
             reason = f"`{endless}` before it never completes"
-        elif not reason and starts_s > limits.end_s + _ROUNDING_S:
+        elif not reason and starts_s > limits.end_s + ROUNDING_S:
             reason = f"it begins at {starts_s:g} s at the earliest, but the run ends after {limits.end_s:g} s"
         if reason:
             _never_happens(lints, action, reason)

@@ -16,6 +16,8 @@ from foresee_dsl.language.streets.lines import XY, marks, number, xy
 
 BACK = "_back"
 """Suffix of a road's name for its edge in the other direction."""
+STRAIGHT_RAD = math.radians(45)
+"""Largest angle at which a way over a junction counts as straight, rad. SUMO names directions by the same limit."""
 RAMP_LANE_M = 200.0
 """Default length of a ramp's extra lane, m. Ours: between the 150 m and 250 m of German and Dutch motorways."""
 BUMP_MPS = 20 / 3.6

@@ -16,7 +16,7 @@ from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import EXAMPLES, NOUNS
 
-_SHOWN = 40
+SHOWN = 40
 """Maximum number of characters of a value that a message repeats."""
 
 
@@ -192,4 +192,4 @@ def _short(value: object) -> str:
     elif isinstance(value, m.Ref):
         value = value.name
     text = str(value)
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+    return text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."

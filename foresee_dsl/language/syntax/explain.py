@@ -13,6 +13,7 @@ from foresee_dsl.helps import HelpText, Write, go_on, meant_code, meant_word, mo
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS, USAGE
 from foresee_dsl.language.messages.suggest import closest
+from foresee_dsl.language.syntax.builder import SHOWN
 from foresee_dsl.language.syntax.expected import (
     END,
     REACH,
@@ -35,7 +36,6 @@ _UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
 _MEASURED = re.compile(r"\b([a-z_]+)(?:\s*\([^()]*\))?\s*$")
 _HYPHENED = re.compile(r"(?<![\w.])[a-z]\w*(?:-[a-z]\w*)+")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
-_SHOWN = 40
 _QUANTITY = re.compile(r"-?\d+(?:\.\d+)?\s*(?P<unit>[%°]|[^\W\d][\w^²/]*)")
 _SIGNS = ("+", "-", "*", "/")
 """The signs of calculations, which the lexer recognises at every place."""
@@ -125,7 +125,7 @@ class Refusal:
         if arrow >= 0:
             self.start, self.end = arrow, arrow + 2
             return "FS015", "unexpected `->`", meant_code("=>")
-        excerpt = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
+        excerpt = self.word if len(self.word) <= SHOWN else self.word[: SHOWN - 3] + "..."
         if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
             return "FS015", "this text is not closed", "end it with " + write('"') + " on the same line"
         unit = self._behind(_UNIT_BEFORE)
@@ -312,7 +312,7 @@ class Refusal:
             return "FS015", "a text needs double quotes", meant_code(f'"{written[1:-1]}"')
         if self.word == "'":
             return "FS015", "unexpected `'`", "write a text in double quotes: " + write('"like this"')
-        parts = _HYPHENED.search(self._text[: self.start + _SHOWN], max(0, self.start - _SHOWN))
+        parts = _HYPHENED.search(self._text[: self.start + SHOWN], max(0, self.start - SHOWN))
         if self.word == "-" and parts is not None and parts.start() < self.start < parts.end():
             self.start, self.end = parts.span()
             written = parts[0]

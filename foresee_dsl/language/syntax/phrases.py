@@ -69,7 +69,7 @@ class Foreign:
 
 
 @dataclass(frozen=True, slots=True)
-class Phrase:
+class RefusedPhrase:
     """A phrase with its message. The group `place` of its pattern is the wrong part; without such a group, the whole
     match is. If it has a group `near`, the grammar refused the statement inside or right behind that group.
 
@@ -156,12 +156,12 @@ def meanings(table: str) -> Mapping[str, str]:
 
 
 @cache
-def phrases() -> tuple[Phrase, ...]:
+def phrases() -> tuple[RefusedPhrase, ...]:
     """Return all phrases of `grammars/phrases.toml`, in the order in which they are tried."""
     return tuple(map(_phrase, _tables()["phrase"]))
 
 
-def _phrase(entry: Mapping[str, Any]) -> Phrase:
+def _phrase(entry: Mapping[str, Any]) -> RefusedPhrase:
     first = entry.get("first", ())
     pattern = entry["pattern"] if not first else rf"^(?P<place>{'|'.join(first)})\b"
     message = entry.get("message", r"`\g<place>` is a word of other languages")
@@ -171,7 +171,7 @@ def _phrase(entry: Mapping[str, Any]) -> Phrase:
         _SHORTHAND.sub(lambda match: _SHORTHANDS.get(match[1]) or "|".join(meanings(match[1])), pattern)
     )
     block = entry.get("block", "action")
-    return Phrase(entry["in"], pattern, frozenset(first), block, message, _help(entry), tuple(sorted(marks)))
+    return RefusedPhrase(entry["in"], pattern, frozenset(first), block, message, _help(entry), tuple(sorted(marks)))
 
 
 def _help(entry: Mapping[str, Any]) -> HelpText:

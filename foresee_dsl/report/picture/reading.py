@@ -30,12 +30,12 @@ from foresee_dsl.report.drawing.sheet import TextPlace
 from foresee_dsl.report.picture.subject import (
     TONES,
     Body,
-    Head,
     Mistake,
     Name,
     Patch,
     SceneSubject,
     ShownWay,
+    SignalLine,
     Tone,
 )
 from foresee_dsl.report.picture.text_places import TextPlaces, place_of
@@ -327,7 +327,7 @@ def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> floa
 
 def _heads(
     network: RoadNetwork, signals: Mapping[str, Signal], stages: Mapping[str, tuple[str, float]]
-) -> Iterator[Head]:
+) -> Iterator[SignalLine]:
     """Yield the signal heads at the start; a lane shows the colour of one of its movements: green before amber before
     red.
     """
@@ -347,7 +347,7 @@ def _heads(
     for lane_id, colours in colours_of.items():
         lane = network.lanes.get(lane_id)
         if lane is not None and not lane.internal and "car" in lane.kinds:
-            yield Head(stop_line(lane), next(colour for colour in _BEST_FIRST if colour in colours))
+            yield SignalLine(stop_line(lane), next(colour for colour in _BEST_FIRST if colour in colours))
 
 
 def _stops(model: m.Network | Path, network: RoadNetwork) -> Iterator[Name]:

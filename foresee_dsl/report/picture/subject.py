@@ -77,7 +77,7 @@ class Zone:
 
 
 @dataclass(frozen=True)
-class Head:
+class SignalLine:
     """The signal head of a lane or crossing: its colour at the start, and a line across the lane, [2, 2] m."""
 
     line: FloatArray
@@ -132,7 +132,7 @@ class SceneSubject:
     ways: tuple[ShownWay, ...] = ()
     zones: tuple[Zone, ...] = ()
     patches: tuple[Patch, ...] = ()
-    heads: tuple[Head, ...] = ()
+    heads: tuple[SignalLine, ...] = ()
     names: tuple[Name, ...] = ()
     mistakes: tuple[Mistake, ...] = ()
     changes: tuple[str, ...] = ()

@@ -20,6 +20,7 @@ from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 from foresee_dsl.report.drawing.sheet import TextPlace
 from foresee_dsl.report.picture.subject import Zone
 from foresee_dsl.report.picture.text_places import TextPlaces
+from foresee_dsl.simulate.results.metrics import ETA_SLOWEST_MPS
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 ACROSS_M = 3.0
 """Half the length of a line across a way, m. Ours: it reaches beyond the sides of a lane, and not to the next
 street."""
-_LEAST_MPS = 1.0
-"""Lowest speed with which `eta` is computed, m/s (see `Measure`)."""
 
 
 def zones_of(case: TestCase, sketch: Sketch, texts: TextPlaces) -> tuple[Zone, ...]:
@@ -77,7 +76,7 @@ def _measured(
     passage = line.passage(other) if line is not None else None
     if actor is None or line is None or passage is None or left.what not in ("distance", "eta"):
         return
-    speed = max(actor.cruise_mps, _LEAST_MPS) if left.what == "eta" else 1.0
+    speed = max(actor.cruise_mps, ETA_SLOWEST_MPS) if left.what == "eta" else 1.0
     s = passage.entry_s - si_of(part.right) * speed
     if s <= line.project(actor.x, actor.y)[0]:
         return  # a condition that holds from the beginning has no place

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
 from foresee_dsl.campaign.conformance.records import CheckStatus, Conformance, ConformanceCase
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import COLUMNS, safe
 from foresee_dsl.report.terminal.live import bars
 from foresee_dsl.report.terminal.runs import print_notes
 from foresee_dsl.report.terminal.tables import plain_table
@@ -90,8 +90,6 @@ def _share(row: DriverRow, *verdicts: Verdict) -> str:
     return f"{share:.0%}" if share else "[dim]0[/dim]"
 
 
-_WIDTH = 80
-"""Width of the report, in columns. Ours: the usual width of a terminal."""
 _STYLES = {CheckStatus.PASS: "green", CheckStatus.FAIL: "bold red", CheckStatus.SKIPPED: "yellow"}
 _MARK = 8
 """Width of the column of results."""
@@ -129,7 +127,7 @@ def print_conformance(console: Console, conformance: Conformance) -> None:
 
 def _row(console: Console, name: str, width: int, mark: str, mark_style: str, detail: str, *, style: str = "") -> None:
     """Print one row, whose detail goes on below itself."""
-    lines = textwrap.wrap(safe(detail, WHOLE), _WIDTH - width - _MARK, break_on_hyphens=False) or [""]
+    lines = textwrap.wrap(safe(detail, WHOLE), COLUMNS - width - _MARK, break_on_hyphens=False) or [""]
     for k, line in enumerate(lines):
         parts = (name, mark) if k == 0 else ("", "")
         console.print(

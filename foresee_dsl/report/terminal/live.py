@@ -28,10 +28,10 @@ from rich.text import Text
 
 from foresee_dsl.campaign.allocation.rounds import Round
 from foresee_dsl.campaign.execution.engine import Listener
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, decode
+from foresee_dsl.campaign.records import FAILED, CaseRunOutcome, ChildOutcome, decode
 from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import FAILED, STEPS
+from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.steps.step import AnyStep
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.documents import plain

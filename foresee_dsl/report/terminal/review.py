@@ -14,10 +14,9 @@ from foresee_dsl.campaign.findings.review import Review
 from foresee_dsl.campaign.findings.sureness import HeatMap, Sureness
 from foresee_dsl.campaign.records import ChildOutcome, WrittenMinimised
 from foresee_dsl.derive.minimise.outcome import Boundary
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import COLUMNS, safe
 from foresee_dsl.simulate.results.verdict import Verdict
 
-WIDTH = 80
 _SCALE = 50
 """Width of a scale, columns: one for each hundredth of a change of 0.5, which is a usual size."""
 _SIBLINGS = 5
@@ -162,7 +161,7 @@ def wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
     """Return text in lines of 80 columns with an indent; from the second line on, it is increased by `more`."""
     whole = " ".join(safe(text, _LONGEST).split())
     return textwrap.wrap(
-        whole, WIDTH, initial_indent=indent, subsequent_indent=indent + more, break_long_words=False,
+        whole, COLUMNS, initial_indent=indent, subsequent_indent=indent + more, break_long_words=False,
         break_on_hyphens=False,
     ) or [indent]  # fmt: skip
 

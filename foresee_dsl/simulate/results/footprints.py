@@ -42,7 +42,7 @@ class Footprints:
         delta = self.xy[:, 1:] - self.xy[:, :1]
         self.apart: FloatArray = np.hypot(delta[..., 0], delta[..., 1])
         """Distance between the centres of the ego and each other actor, [T, A - 1] m; NaN where the actor is absent."""
-        self._paths: dict[int, Path] = {}
+        self._paths: dict[int, ActorPath] = {}
 
     def boxes(self, frames: IntArray, actors: IntArray | int) -> FloatArray:
         """Return footprints, [N, 5]."""
@@ -54,14 +54,14 @@ class Footprints:
         )
         return boxes
 
-    def path(self, actor: int) -> Path:
+    def path(self, actor: int) -> ActorPath:
         """Return an actor's path; computed once and then kept."""
         if actor not in self._paths:
-            self._paths[actor] = Path(self, actor)
+            self._paths[actor] = ActorPath(self, actor)
         return self._paths[actor]
 
 
-class Path:
+class ActorPath:
     """An actor's path, as a function of the length along it, m."""
 
     def __init__(self, run: Footprints, actor: int) -> None:
@@ -168,7 +168,7 @@ def across(boxes: FloatArray, turned_rad: FloatArray) -> FloatArray:
     return extent
 
 
-def _swept(path: Path, along: FloatArray, size: FloatArray) -> FloatArray:
+def _swept(path: ActorPath, along: FloatArray, size: FloatArray) -> FloatArray:
     boxes = np.empty((len(along), 5))
     boxes[:, 0], boxes[:, 1] = path.places(along)
     boxes[:, 2], boxes[:, 3:] = path.headings(along), size

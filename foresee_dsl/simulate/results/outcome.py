@@ -29,13 +29,11 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import per_network
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import WHOLE, Mover, all_whole, corner_points, hits
+from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.target_selection import half_extent
 from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-
-STUCK_SPEED_MPS = 0.1
-"""Speed below which a vehicle counts as standing, m/s. Ours: SUMO's threshold for a halting vehicle."""
 
 STUCK_AFTER_S = 20.0
 """Time after which a vehicle that stands without a reason to wait is stuck, s. Ours: longer than any pause for giving
@@ -125,11 +123,11 @@ def impact(ego: Mover, other: Mover, name: str) -> Impact:
 def _who_struck(ego: Mover, other: Mover, normal: float) -> Striker:
     """Return which of two overlapping bodies moved towards the other along the contact normal.
 
-    A body struck the other if it moved towards it faster than `STUCK_SPEED_MPS`. In a head-on collision, or when two
+    A body struck the other if it moved towards it faster than `STANDS_MPS`. In a head-on collision, or when two
     bodies drift together, both did; when a body turns into another while passing it, neither did.
     """
     ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
-    strikes, struck = ahead > STUCK_SPEED_MPS, -against > STUCK_SPEED_MPS
+    strikes, struck = ahead > STANDS_MPS, -against > STANDS_MPS
     if strikes == struck:
         return "both" if strikes else "neither"
     return "ego" if strikes else "other"
@@ -300,7 +298,7 @@ class OutcomeJudge:
         return RunEnd(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
 
     def _stuck(self, time_s: float, speed: float, may_wait: bool) -> RunEnd | None:
-        if speed >= STUCK_SPEED_MPS or may_wait:
+        if speed >= STANDS_MPS or may_wait:
             self._standing_since = None
             return None
         if self._standing_since is None:

@@ -68,7 +68,7 @@ _OWN = Window(0, 0, *BIRDS_EYE_SHAPE[1:])
 """The same part in its own pixels, in which the route and the past are drawn."""
 _DRAWN = len(DRAWN_CHANNELS)
 _LEAST_PX = 2.0
-"""Shortest length of a side when drawn, px, as in `simulate.rasters.birdseye`."""
+"""Shortest length of a side when drawn, px, as in `rasters.birdseye`."""
 _ROUTE = CHANNELS.index("route")
 _ROUTE_M = 1.5
 """Width of the route in the view from above, m."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.kernels.lines import feet_on_path
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.triggers.ways import BEHIND_M, BEYOND_M
 from foresee_recordings.recording import FloatArray, Recording, RecordingError, Track
 
 IntArray = NDArray[np.int64]
@@ -23,9 +24,6 @@ of 0.2 m/s changes the acceleration by less than 0.7 m/s^2, and a full braking, 
 WAY_STEP_M = 1.0
 """Distance between the points of a way, m: that of the core's lines (`compile.roads.polyline.STEP_M`). An actor that
 stands does not add points, however its recorded position trembles."""
-BEHIND_M, BEYOND_M = 100.0, 200.0
-"""Length by which a way continues straight before its beginning and beyond its end, m: as in
-`simulate.triggers.ways`."""
 LONGEST_ROWS = 20_000_000
 """Largest number of states of a recording (actors times frames). Ours: 2.3 GB of memory while they are computed."""
 

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
-    CPUS,
     Jobs,
     LimitFlags,
     ShardOption,

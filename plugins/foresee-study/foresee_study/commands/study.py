@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
+from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
-    CPUS,
     ExecutorOption,
     Jobs,
     LimitFlags,
@@ -35,7 +35,7 @@ from foresee_dsl.cli.options.common import (
     selected,
 )
 from foresee_dsl.cli.options.output import RecordFormatOption, report_results
-from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
+from foresee_dsl.language.campaign_values import CHILDREN_BOUNDS, DEFAULT_CHILDREN
 from foresee_dsl.report.formats import CommandReport
 
 if TYPE_CHECKING:
@@ -116,7 +116,9 @@ def study(
             help="For rq2: further presets, other readings of the paper, such as paper_late,paper_brief.",
         ),
     ] = None,
-    children: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutants per clip.")] = DEFAULT_CHILDREN,
+    children: Annotated[
+        int, typer.Option(min=1, max=CHILDREN_BOUNDS[1], help="Number of mutants per clip.")
+    ] = DEFAULT_CHILDREN,
     against: Annotated[
         str | None,
         typer.Option(
