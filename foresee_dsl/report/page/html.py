@@ -74,8 +74,8 @@ def rendered(contents: Contents, reader: Reader) -> str:
     findings = contents.findings
     filters = {
         "judgement": [(j.value, j.text) for j in Whose if any(f.judgement_word == j.value for f in findings)],
-        "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.family)],
-        "class": [(c, c) for c in options_of(findings, lambda finding: finding.class_)],
+        "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.record.family)],
+        "class": [(c, c) for c in options_of(findings, lambda finding: finding.record.class_)],
         "verdict": [(v, v) for v in options_of(findings, lambda finding: finding.verdict)],
         "preventability": [(p, p) for p in options_of(findings, lambda finding: finding.preventability)],
         "anticipation": [(a, a) for a in options_of(findings, lambda finding: finding.anticipation)],

@@ -42,9 +42,9 @@ _PREVENTED = {answer.value for answer in Answer if answer.preventable}
 def overview(sources: Sequence[ReportedCampaign], findings: Sequence[FindingEntry]) -> Iterator[Table]:
     """Yield the tables at the beginning of a report."""
     several = len(sources) > 1
-    yield _by("family", findings, lambda f: family_title(f.family))
+    yield _by("family", findings, lambda f: family_title(f.record.family))
     yield _by("kind", findings, lambda f: f"{f.verdict} {f.label}")
-    yield _by("class", findings, lambda f: f.class_ or "not told")
+    yield _by("class", findings, lambda f: f.record.class_ or "not told")
     if several:
         yield _by("driver", findings, lambda f: f.driver)
     failed = [
