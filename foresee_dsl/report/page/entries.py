@@ -102,6 +102,10 @@ class FindingEntry:
         """Return the answer of the anticipating driver; "" without one."""
         return self.record.anticipation.value if self.record.anticipation is not None else ""
 
+    def opinion_of(self, judge: str) -> str:
+        """Return the answer of a further judge, by its name; "" without one."""
+        return next((opinion.answer for opinion in self.record.opinions if opinion.name == judge), "")
+
     @property
     def judgement(self) -> Responsibility | None:
         """Return whose failure it is; None if the campaign was written by a version without judgements."""

@@ -151,6 +151,9 @@ def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
     for driver, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
         for answer, count in answers.items():
             yield f"  {driver}: {answer}", str(count)
+    opinions = Counter((o.name, o.answer) for child in campaign.mutants if child.failed_file for o in child.opinions)
+    for (judge, answer), count in opinions.items():
+        yield f"  {judge}: {answer}", str(count)
     yield "simulated", _duration(campaign.simulated_s)
     yield "time it took", _duration(campaign.wall_s)
     if campaign.within is not None:
