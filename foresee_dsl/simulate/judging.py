@@ -22,7 +22,6 @@ from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, OutcomeJudge, RunEnd, off_road_points, squares_of
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED, STEP_S
-from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.waiting import Leader, WayAhead
 
 NEAR_GOAL_M = 2.0
@@ -58,8 +57,8 @@ class Frame:
 class Judging:
     """Judges each frame of one run."""
 
-    def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder, driver: Driver) -> None:
-        self._simulation, self._conditions, self._recorder, self._driver = simulation, conditions, recorder, driver
+    def __init__(self, simulation: Simulation, recorder: Recorder, driver: Driver) -> None:
+        self._simulation, self._recorder, self._driver = simulation, recorder, driver
         scene, others, ego = simulation.scene, simulation.actors[1:], simulation.ego
         # A clip of an ego that hardly moves has its goal at its start. Such a run must not end at once, but at the end
         # of its window.

@@ -126,7 +126,7 @@ class Run:
         self._sensing = Sensing(self._simulation, self._mission, seed, sensors)
         self._conditions = Conditions(self._simulation, bundle.signals, self._sensing)
         self._director = Director(self._simulation, self._conditions, self._recorder)
-        self._judging = Judging(self._simulation, self._conditions, self._recorder, driver)
+        self._judging = Judging(self._simulation, self._recorder, driver)
         self._expectations = Expectations(bundle.scene.expects, self._conditions, goal)
         self._fails = rules is RulesMode.FAIL
         self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None

@@ -17,16 +17,21 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157, Failure, Judge, Judg
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.avoidance.references import reference_run
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.records import ChildOutcome, decode, encode
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, decode, encode
 from foresee_dsl.campaign.steps.explanations import explained
+from foresee_dsl.campaign.triage.standing import Standing
 from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.campaign.written import read_campaign_folder
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.builds.case_results import _details
-from foresee_dsl.report.page.html import write_report
+from foresee_dsl.report.page.contents import contents_of
+from foresee_dsl.report.page.entries import ReportedCampaign
+from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import write_markdown
+from foresee_dsl.report.page.runs import Reader
+from foresee_dsl.report.page.tables import numbers
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from tests.support.first_project import checked, foresee
 from tests.support.small_campaign import SETTINGS, TEXT, InThisProcess, campaign, write_project
@@ -91,6 +96,18 @@ def test_the_answer_of_a_further_judge_is_written_and_shown(tmp_path: Path, monk
     write_report([out], out / "report.html")
     page = html.document_fromstring((out / "report.html").read_text())
     assert line in [paragraph.text_content() for paragraph in page.iter("p")]
+    reader = Reader(plays=False)
+    contents = contents_of([out], reader)
+    (entry,) = contents.findings
+    late = replace(entry, key="late", record=replace(entry.record, opinions=(replace(answer, answer="too late"),)))
+    page = html.document_fromstring(rendered(replace(contents, findings=(entry, late)), reader))
+    (options,) = page.xpath(f"//select[@aria-label='{EARLY_BIRD[0]}']")
+    assert [option.get("value") for option in options.iter("option")] == ["", EARLY_BIRD[1], "too late"]
+    name = options.get("data-filter")
+    assert [item.get(f"data-{name}") for item in page.xpath("//li[@data-driver]")] == [EARLY_BIRD[1], "too late"]
+    clip = ClipOutcome("a", name="a_p1", verdict=Verdict.PASS, children=(child((answer,)),))
+    figures, *_ = numbers([ReportedCampaign(replace(written, clip_runs=(clip,)), Standing())])
+    assert (f"  {EARLY_BIRD[0]}: {EARLY_BIRD[1]}", "1") in figures.rows
     write_markdown([out], out / "report.md")
     assert f"- {EARLY_BIRD[0]}: **{EARLY_BIRD[1]}**: {EARLY_BIRD[2]}\n" in (out / "report.md").read_text()
 

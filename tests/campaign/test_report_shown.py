@@ -131,8 +131,9 @@ def test_all_findings_can_be_listed() -> None:
 def test_no_text_of_the_table_is_cut(width: int) -> None:
     title = "commuter at mill street: ego and pedestrian out of hiding collide before it"
     changes = ("walker.timing 1.33", "as written", "a_car_with_a_long_name.timing 1.00 +3", "")
+    record = CampaignResult(CampaignSettings(), MANY, (), 1.0).findings[0].written
     rows = [
-        FindingRow(k, "driver", code, words, change, since)
+        FindingRow(replace(record, number=k, title=words, rate=code), change, since)
         for k, (code, words, change, since) in enumerate(
             product(("F2", "stuck"), (title, "ego stops"), changes, ("", "new"))
         )
@@ -142,8 +143,8 @@ def test_no_text_of_the_table_is_cut(width: int) -> None:
     assert count == len(rows) and max(map(len, texts)) <= width
     flat = " ".join(" ".join(texts).split())
     for row in rows:
-        lead = " ".join(f"{row.number} {row.since} {row.code}".split())
-        assert f"{lead} {row.title} {row.change}".strip() in flat, row
+        lead = " ".join(f"{row.record.number} {row.since} {row.code}".split())
+        assert f"{lead} {row.record.title} {row.change}".strip() in flat, row
     for room in (5, 10, 20):
         some, count = table_lines(rows, width, room)
         assert len(some) <= room and some == lines[: len(some)] and 0 < count < len(rows)

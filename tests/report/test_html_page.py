@@ -19,7 +19,7 @@ from lxml import html
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.records import JudgedRun
+from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.campaign.written import campaign_folders
 from foresee_dsl.kernels.boxes import box_overlap
@@ -501,10 +501,14 @@ def hostile_contents() -> Contents:
         class_=HOSTILE, forecast=HOSTILE, changes=(HOSTILE,), unreduced=(HOSTILE,), note=HOSTILE,
         commands=((HOSTILE, HOSTILE),), missing=(HOSTILE,),
     )  # fmt: skip
-    found = FindingEntry(
-        key=HOSTILE, title=HOSTILE, class_=HOSTILE, verdict=HOSTILE, label=HOSTILE, family=HOSTILE, driver=HOSTILE,
-        preventability=HOSTILE, anticipation=HOSTILE, test_case=HOSTILE, runs=(run, run), more=(HOSTILE,),
+    record = WrittenFinding(
+        name=HOSTILE, title=HOSTILE, sentence=HOSTILE, class_=HOSTILE, verdict=Verdict.F2, test_case=HOSTILE,
+        family=HOSTILE, file=HOSTILE, count=1, siblings=(), sibling_files=(), preventability=Preventable.NO,
+        why=HOSTILE, anticipation=Answer.NO, rate=HOSTILE,
     )  # fmt: skip
+    found = FindingEntry(
+        record, key=HOSTILE, title=HOSTILE, label=HOSTILE, driver=HOSTILE, runs=(run, run), more=(HOSTILE,)
+    )
     table = Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), (HOSTILE, HOSTILE))
     return Contents(HOSTILE, HOSTILE, HOSTILE, (found,), (HOSTILE,), (table,), (table,))
 

@@ -169,24 +169,15 @@ def _findings(source: ReportedCampaign, reader: Reader, *, several: bool) -> Ite
         sentence = (reduced and reduced.sentence) or record.sentence
         answer = record.preventability or Preventable.UNKNOWN
         yield FindingEntry(
+            replace(record, class_=record.class_ or runs[0].class_, preventability=answer),
             key=f"{source.campaign.driver}-{record.name}" if several else record.name,
             title=sentence,
-            short_title=record.title,
-            class_=record.class_ or runs[0].class_,
-            verdict=record.verdict.value,
             label=runs[0].label,
-            family=record.family,
             driver=source.campaign.driver,
-            preventability=answer.value,
-            anticipation=record.anticipation.value if record.anticipation else "",
-            test_case=record.test_case,
             runs=runs,
             more=tuple(names[most:]),
-            number=record.number,
-            judgement=record.judgement,
             diagnosis=diagnosis_of(source.campaign.folder, record.name, runs[0].outcome.record.reason),
             sure=sureness_of(source.campaign.folder, record.name, runs[0].outcome.record.reason),
-            rate=record.rate or "",
             since=source.standing.of(record.story),
             triage=source.standing.decisions.get(record.story),
         )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Responsibility
 from foresee_dsl.campaign.findings.sureness import Sureness
+from foresee_dsl.campaign.records import WrittenFinding
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.campaign.written import WrittenCampaign
@@ -31,34 +32,23 @@ class ReportedCampaign:
 class FindingEntry:
     """A finding with its runs; the first run is its representative.
 
-    `key`: an identifier that is unique in the report.
+    Attributes:
+        record: the finding as its campaign states it; with the values of its runs where an older version wrote none.
+        key: an identifier that is unique in the report. title: what happens, in a sentence.
     """
 
+    record: WrittenFinding
     key: str
     title: str
-    class_: str
-    verdict: str
     label: str
-    family: str
     driver: str
-    preventability: str
-    anticipation: str
-    test_case: str
     runs: tuple[Run, ...]
     more: tuple[str, ...] = ()
     """Names of further runs, which are not shown."""
-    short_title: str = ""
-    """The story in at most twelve words; "" if there is none, as in a campaign of an older version."""
-    number: int = 0
-    """The number by which commands address the finding; 0 if it has none."""
-    judgement: Responsibility | None = None
-    """Whose failure it is; None if the campaign was written by a version without judgements."""
     diagnosis: str = ""
     """The part of the driver that causes the failure, in words; "" before `foresee diagnose` was run."""
     sure: Sureness | None = None
     """How sure the failure is; None before `foresee sure` was run."""
-    rate: str = ""
-    """How many runs fail if the driver is not deterministic: `7/10`."""
     since: Since = Since.FIRST
     """Whether the previous campaign had this finding, too."""
     triage: Decision | None = None
@@ -74,23 +64,52 @@ class FindingEntry:
                 "text": self.judgement_text,
                 "reason": self.judgement_reason,
             },
-            "title": or_null(self.short_title),
+            "title": or_null(self.record.title),
             "sentence": self.title,
-            "class": self.class_,
+            "class": self.record.class_,
             "verdict": self.verdict,
-            "family": self.family,
+            "family": self.record.family,
             "driver": self.driver,
             "preventability": self.preventability,
             "anticipation": self.anticipation,
-            "test_case": self.test_case,
+            "test_case": self.record.test_case,
             "diagnosis": self.diagnosis,
             "sure": self.sure,
-            "rate": or_null(self.rate),
+            "rate": or_null(self.record.rate),
             "since": or_null(self.since),
             "triage": self.triage,
             "runs": self.runs,
             "more": self.more,
         }
+
+    @property
+    def number(self) -> int:
+        """Return the number by which commands address the finding; 0 if it has none."""
+        return self.record.number
+
+    @property
+    def verdict(self) -> str:
+        """Return how the finding's runs end, in a word."""
+        return self.record.verdict.value
+
+    @property
+    def preventability(self) -> str:
+        """Return the answer of R157's driver; "" without one."""
+        return self.record.preventability.value if self.record.preventability is not None else ""
+
+    @property
+    def anticipation(self) -> str:
+        """Return the answer of the anticipating driver; "" without one."""
+        return self.record.anticipation.value if self.record.anticipation is not None else ""
+
+    def opinion_of(self, judge: str) -> str:
+        """Return the answer of a further judge, by its name; "" without one."""
+        return next((opinion.answer for opinion in self.record.opinions if opinion.name == judge), "")
+
+    @property
+    def judgement(self) -> Responsibility | None:
+        """Return whose failure it is; None if the campaign was written by a version without judgements."""
+        return self.record.judgement
 
     @property
     def judgement_word(self) -> str:

@@ -72,19 +72,24 @@ def rendered(contents: Contents, reader: Reader) -> str:
     script = "\n".join(map(_source, SCRIPTS))
     script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
     findings = contents.findings
+    judges = tuple(dict.fromkeys(opinion.name for finding in findings for opinion in finding.record.opinions))
     filters = {
         "judgement": [(j.value, j.text) for j in Whose if any(f.judgement_word == j.value for f in findings)],
-        "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.family)],
-        "class": [(c, c) for c in options_of(findings, lambda finding: finding.class_)],
+        "family": [(f, family_title(f)) for f in options_of(findings, lambda finding: finding.record.family)],
+        "class": [(c, c) for c in options_of(findings, lambda finding: finding.record.class_)],
         "verdict": [(v, v) for v in options_of(findings, lambda finding: finding.verdict)],
         "preventability": [(p, p) for p in options_of(findings, lambda finding: finding.preventability)],
         "anticipation": [(a, a) for a in options_of(findings, lambda finding: finding.anticipation)],
         "driver": [(d, d) for d in options_of(findings, lambda finding: finding.driver)],
     }
+    for k, judge in enumerate(judges):
+        filters[f"opinion{k}"] = [(a, a) for a in sorted({finding.opinion_of(judge) for finding in findings} - {""})]
     template = page_templates().get_template("page.html.j2")
     return template.render(
         contents=contents,
         filters={name: options for name, options in filters.items() if len(options) > 1},
+        judges=judges,
+        labels={f"opinion{k}": judge for k, judge in enumerate(judges)},
         style=style,
         script=script,
         style_hash=hash_of(style),

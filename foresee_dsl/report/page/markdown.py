@@ -129,10 +129,10 @@ def _lines(finding: FindingEntry) -> list[str]:
         f"{ANTICIPATING}: {finding.anticipation}" if finding.anticipation else "",
     ]
     kinds = [
-        f"fails in {finding.rate} runs" if finding.rate else finding.verdict,
-        finding.class_,
+        f"fails in {finding.record.rate} runs" if finding.record.rate else finding.verdict,
+        finding.record.class_,
         *answers,
-        f"family {finding.family}" if finding.family else "",
+        f"family {finding.record.family}" if finding.record.family else "",
     ]
     lines = [f"{safe(finding.name)}", f"  {safe(finding.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
     lines += [f"  {safe(finding.standing)}"] if finding.standing else []

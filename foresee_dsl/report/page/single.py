@@ -9,7 +9,7 @@ from pathlib import Path
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import case_name, recorded_setup, run_test_case
-from foresee_dsl.campaign.records import JudgedRun
+from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
 from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole
@@ -81,19 +81,12 @@ def write_view(
     else:
         parent = _parent(case, driver, seed)
     run = reader.run(outcome, case, trace, parent)
-    entry = FindingEntry(
-        key=outcome.name,
-        title=run.title,
-        class_=run.class_,
-        verdict=verdict.value,
-        label=run.label,
-        family=case.family,
-        driver=driver,
-        preventability=careful.value if careful else "",
-        anticipation=ahead.value if ahead else "",
-        test_case=case.id,
-        runs=(run,),
-    )
+    record = WrittenFinding(
+        name=outcome.name, sentence=run.title, class_=run.class_, verdict=verdict, test_case=case.id,
+        family=case.family, file=address, count=1, siblings=(), sibling_files=(), preventability=careful, why=None,
+        anticipation=ahead,
+    )  # fmt: skip
+    entry = FindingEntry(record, key=outcome.name, title=run.title, label=run.label, driver=driver, runs=(run,))
     headline = f"{outcome.name}: {outcome.record.reason}"
     contents = Contents(outcome.name, headline, f"driver {driver} · seed {seed}", (entry,), ())
     target = file or Path("out") / "view" / f"{_NO_FILE_NAME.sub('_', outcome.name)}.html"

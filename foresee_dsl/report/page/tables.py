@@ -42,9 +42,9 @@ _PREVENTED = {answer.value for answer in Answer if answer.preventable}
 def overview(sources: Sequence[ReportedCampaign], findings: Sequence[FindingEntry]) -> Iterator[Table]:
     """Yield the tables at the beginning of a report."""
     several = len(sources) > 1
-    yield _by("family", findings, lambda f: family_title(f.family))
+    yield _by("family", findings, lambda f: family_title(f.record.family))
     yield _by("kind", findings, lambda f: f"{f.verdict} {f.label}")
-    yield _by("class", findings, lambda f: f.class_ or "not told")
+    yield _by("class", findings, lambda f: f.record.class_ or "not told")
     if several:
         yield _by("driver", findings, lambda f: f.driver)
     failed = [
@@ -151,6 +151,9 @@ def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
     for driver, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
         for answer, count in answers.items():
             yield f"  {driver}: {answer}", str(count)
+    opinions = Counter((o.name, o.answer) for child in campaign.mutants if child.failed_file for o in child.opinions)
+    for (judge, answer), count in opinions.items():
+        yield f"  {judge}: {answer}", str(count)
     yield "simulated", _duration(campaign.simulated_s)
     yield "time it took", _duration(campaign.wall_s)
     if campaign.within is not None:

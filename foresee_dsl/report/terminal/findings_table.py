@@ -12,7 +12,6 @@ from itertools import groupby
 
 from rich.text import Text
 
-from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.records import WrittenFinding
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.report.safe_text import safe
@@ -30,23 +29,28 @@ class FindingRow:
     """A finding in the table.
 
     Attributes:
-        whose: word of its judgement. code: its verdict, or how many of its runs fail. change: its first change.
-            since: what became of its story since the campaign before; "" if there is nothing to say.
+        change: its first change. since: what became of its story since the campaign before; "" if there is nothing to
+            say.
     """
 
-    number: int
-    whose: str
-    code: str
-    title: str
+    record: WrittenFinding
     change: str
     since: str = ""
 
     @classmethod
-    def of(cls, finding: WrittenFinding, standing: Standing, changes: Sequence[str] | None) -> FindingRow:
+    def of(cls, record: WrittenFinding, standing: Standing, changes: Sequence[str] | None) -> FindingRow:
         """Return the row of a finding. `changes`: those of its mutant; () for a test case, None if not known."""
-        whose = finding.judgement.word if finding.judgement is not None else ""
-        code, change = finding.rate or finding.verdict.value, "" if changes is None else _change(changes)
-        return cls(finding.number, whose, code, finding.title, change, _since(finding.story, standing))
+        return cls(record, "" if changes is None else _change(changes), _since(record.story, standing))
+
+    @property
+    def code(self) -> str:
+        """Return its verdict, or how many of its runs fail."""
+        return self.record.rate or self.record.verdict.value
+
+    @property
+    def whose(self) -> str:
+        """Return whose failure it is, in words; "" without a judgement."""
+        return self.record.judgement.text if self.record.judgement is not None else ""
 
 
 def _since(story: str, standing: Standing) -> str:
@@ -77,16 +81,12 @@ def table_lines(rows: Sequence[FindingRow], width: int, room: int | None = None)
     lines, count = [columns.head()], 0
     for whose, group in groupby(rows, key=lambda row: row.whose):
         for first, row in enumerate(group):
-            more = [] if first else [Text(f"     {_text(whose)}", style="dim")]
+            more = [] if first else [Text(f"     {whose}", style="dim")]
             more += columns.lines(row)
             if room is not None and len(lines) + len(more) > room:
                 return lines, count
             lines, count = lines + more, count + 1
     return lines, count
-
-
-def _text(whose: str) -> str:
-    return next((judgement.text for judgement in Whose if judgement.value == whose), whose)
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class _Columns:
         since = max(since, len("since")) + 2 if since else 0
         title = 5 + since + 7
         change = min(max(len(_CHANGE), *(len(safe(row.change)) for row in rows)), _LONGEST_CHANGE)
-        longest = max(len("what happens"), *(len(safe(row.title)) for row in rows))
+        longest = max(len("what happens"), *(len(safe(row.record.title)) for row in rows))
         return cls(since, title, min(title + longest + 2, max(width - change, title + 20)), width)
 
     def head(self) -> Text:
@@ -115,8 +115,8 @@ class _Columns:
 
     def lines(self, row: FindingRow) -> list[Text]:
         """Return the lines of a finding."""
-        first, *others = textwrap.wrap(safe(row.title), self.width - self.title, break_on_hyphens=False) or [""]
-        start = Text(f"{row.number:>3}  {row.since:<{self.since}}")
+        first, *others = textwrap.wrap(safe(row.record.title), self.width - self.title, break_on_hyphens=False) or [""]
+        start = Text(f"{row.record.number:>3}  {row.since:<{self.since}}")
         start.append(f"{row.code:<5}  ", "red").append(first, "bold")
         lines = [start, *(Text(" " * self.title).append(title, "bold") for title in others)]
         change, last = safe(row.change), lines[-1]
