@@ -59,6 +59,7 @@ scenario never {
   when ego sees walker { lead stops }
   when collision(lead) { lead stops }
   when arrived(ego) { lead stops }
+  when ego runs red at mill_elm or ego yields to lead at mill_elm { lead stops }
 
   end after 4 s
 }
