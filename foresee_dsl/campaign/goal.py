@@ -56,8 +56,8 @@ def left_out(cases: Sequence[TestCase], goal: str) -> str:
     count = len(cases) - len(with_goal(cases, goal))
     if not count:
         return ""
-    has, is_ = ("test case has", "is") if count == 1 else ("test cases have", "are")
-    return f"{count} of {len(cases)} {has} no `expect {goal}: always ...` (or `never`) and {is_} left out"
+    has, is_ = ("has", "is") if count == 1 else ("have", "are")
+    return f"{count} of {len(cases)} test cases {has} no `expect {goal}: always ...` (or `never`) and {is_} left out"
 
 
 _UNLABELLED = "they have no labels: write `expect NAME: always ...`"

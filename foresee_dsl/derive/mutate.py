@@ -140,7 +140,9 @@ class Mutator:
         mutants: list[Mutant] = []
         used = set(seen)
         best = self.searched(seed, count)
-        if self._preset.search is not None:  # a clip without a promising candidate gets fewer mutants
+        if (
+            self._preset.search is not None and not self._goal
+        ):  # a clip without a promising candidate gets fewer mutants
             count = best or math.ceil(count * UNPROMISING)
         for k in range(1, count + 1) if self._plans or best else ():
             draw = Draw.numbered(k, len(self._plans), best)

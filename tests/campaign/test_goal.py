@@ -202,6 +202,18 @@ def test_without_a_goal_keys_have_the_parts_that_they_had(tmp_path: Path) -> Non
     assert parts == [{"meaning", "window", "driver", "seed"}, {"meaning", "window", "driver", "seed", "goal"}]
 
 
+def test_a_goal_that_is_no_contact_is_searched_with_the_default_preset(tmp_path: Path, root: Path) -> None:
+    """The preset looks for contacts; where it finds none, clips are cut and drawn as without it."""
+    case = root / "tests" / "cases" / "goals" / "calm_turn.foresee"
+    settings = CampaignSettings(goal="safe", risky_points=1)
+    assert settings.preset == "avoidable"
+    result, _ = campaign([f"{case}::r01"], tmp_path, settings)
+    assert not result.broken
+    ((clip,),) = [result.clips]
+    assert len(clip.children) == settings.children and clip.failing
+    assert all(child.goal is not None for child in clip.children)
+
+
 def test_the_run_of_a_clip_after_its_child_failed_has_the_goal_in_its_key(tmp_path: Path) -> None:
     """The same clip is run once more without the goal: with it, it would fail where it breaks the expectation."""
     file, keys = written(tmp_path, ROOM), []

@@ -54,8 +54,14 @@ def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> 
     settings = CampaignSettings(before_s=3.0, seed=7)
     text = shown(CampaignResult(settings, (replace(PASSED, near=near),), (), 1.0))
     assert "0.31 m from walker\\x1b[0m at 4.35 s  a.foresee::r01" in text
-    begins = "foresee campaign a.foresee --driver pdm --out out --before 3 --seed 7"
-    assert f"{begins} --risky-points 6 --children 8 " in text and f"{begins} --ranker exhaustive " in text
+    begins, chosen = "foresee campaign a.foresee::r01 --driver pdm --out out", "--before 3 --seed 7"
+    assert f"{begins} {chosen} --risky-points 6 --children 8 " in text
+    assert f"{begins} --ranker exhaustive {chosen} " in text
+    settings = replace(settings, preset="lawful", allocation="stories", risky_points=2)
+    text = shown(CampaignResult(settings, (replace(PASSED, near=near),), (), 1.0))
+    chosen = f"{chosen} --allocation stories --risky-points 2"
+    assert f"{begins} --ranker exhaustive --preset lawful {chosen}   # other moments" in text
+    assert f"{begins} --preset paper {chosen} --repeat 2   # other mutations" in text
 
 
 def test_paths_stay_whole_on_a_narrow_terminal() -> None:

@@ -150,6 +150,18 @@ def test_a_mutant_changes_the_style_and_later_runs_do_not_see_it(folder: Path) -
     assert first.trace.digest == second.trace.digest != before.trace.digest
 
 
+def test_a_mutant_cannot_give_a_pedestrian_a_style(folder: Path) -> None:
+    walker = "  pedestrian p: pedestrian.adult { path [(9 m, 9 m), (9 m, 0 m)] }\n  end"
+    (file := folder / "walked.foresee").write_text(SIDE_ROAD.replace("  end", walker))
+    case = load_test_case(str(file))
+    point = RiskyPoint(1, 60, 3.0, "", "none", float("nan"), float("nan"), 0.0, "a test")
+    cut = clip(case, drive(case).trace, point, before_s=1, after_s=1, name="p1", parent=file.name)
+    text = 'foresee 1\n\nmutant child of "p1.foresee" pin sha256:000000000000 {\n  change p.style: usual => creeps\n}\n'
+    mutant, clipped = parse(text, "child.foresee").model, expand_clip(cut, case, source=folder / "p1.foresee")
+    with pytest.raises(InputError, match="p does not drive along a route, so it cannot have a style"):
+        expand_mutant(mutant, clipped, source=folder / "child.foresee")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -122,8 +122,8 @@ def endings(run: RecordedRun, candidates: Sequence[Candidate]) -> Records:
     return rolled
 
 
-def avoidable_shares(run: RecordedRun, what: WhatIf, rows: FloatArray) -> FloatArray:
-    """Return the likelihood that a careful driver avoids the contact with a changed actor, [C], 0 to 1.
+def avoided_by_some(run: RecordedRun, what: WhatIf, rows: FloatArray) -> BoolArray:
+    """Return whether some careful driver avoids the contact with a changed actor, [C].
 
     `what`: the actor and the window, without a change. `rows`: [C, T, 4] tracks that replace the actor's recorded one,
     laid out as `RecordedRun.tracks`.
@@ -133,7 +133,8 @@ def avoidable_shares(run: RecordedRun, what: WhatIf, rows: FloatArray) -> FloatA
     for k, row in enumerate(rows):
         tracks[what.actor] = row
         roll_out(whats, _CAREFULLY, tracks, run.sizes, rolled[k : k + 1])
-    return _avoidable(rolled[:, 1:])
+    avoided: BoolArray = ~np.isfinite(rolled[:, 1:]["contact"]).all(axis=1)
+    return avoided
 
 
 def _avoidable(careful: Records) -> FloatArray:

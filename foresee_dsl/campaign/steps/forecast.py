@@ -84,13 +84,24 @@ class ForecastStep(Step["CaseStep", CaseRunOutcome]):
         promise = Promise(RecordedRun.of(trace), search, self.seed) if search is not None else None
         # Points at the same moment, such as of two actors, have clips of the same meaning; only the first is kept.
         drafts: dict[str, Draft] = {}
-        for point in points:
+        around = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
+
+        def studied() -> Iterator[RiskyPoint]:
+            """Yield the points, without those at which the preset's search would find no mutation. The search looks for
+            contacts, and what breaks a goal need not be one; so with a goal these points come last.
+            """
+            others: list[RiskyPoint] = []
+            for point in points:
+                frames = clip_frames(trace, point, **around)
+                if promise is None or promise.of(point.frame, frames.first, frames.last):
+                    yield point
+                else:
+                    others.append(point)
+            yield from others if case.goal else ()
+
+        for point in studied():
             if len(drafts) == s.risky_points:
                 break
-            around = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
-            frames = clip_frames(trace, point, **around)
-            if promise is not None and not promise.of(point.frame, frames.first, frames.last):
-                continue  # the preset's search would find no mutation there
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
             draft = _draft(clip_around(case, trace, point, file, **around), point.rank)
             drafts.setdefault(draft.pin, draft)

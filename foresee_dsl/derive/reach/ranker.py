@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
-from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoidable_shares
+from foresee_dsl.avoidance.candidates.scoring import EGO_STANDS_MPS, avoided_by_some
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.derive.operators import operators
@@ -94,18 +94,18 @@ def _promise(trace: Trace, rolled: RollOut, gaps: FloatArray, settings: ReachSet
     return ReachPromise(rolled, reaching, tales, int(rolled.frames[round(float(among.mean()))]))
 
 
-def _avoided_share(run: RecordedRun, promised: ReachPromise, settings: ReachSettings) -> float:
-    """Return the mean share of contacts that a careful driver avoids, over `settings.decided` of the values that reach
-    the ego.
+def _avoided(run: RecordedRun, promised: ReachPromise, settings: ReachSettings) -> tuple[int, int]:
+    """Return of how many values that reach the ego some careful driver avoids the contact, and how many were tried: at
+    most `settings.decided`.
     """
     rolled, change = promised.rolled, promised.rolled.change
     if not len(promised.reaching):
-        return 0.0
+        return 0, 0
     places = np.unique(np.round(np.linspace(0, len(promised.reaching) - 1, settings.decided)).astype(np.int64))
     last = change.onset + rolled.every * rolled.steps
     info = run.trace.actors[change.actor]
     what = WhatIf(change.actor, change.onset, last, info.length_m, info.width_m, info.cruise_mps)
-    return float(avoidable_shares(run, what, _rows(run, rolled, promised.reaching[places])).mean())
+    return int(avoided_by_some(run, what, _rows(run, rolled, promised.reaching[places])).sum()), len(places)
 
 
 def _rows(run: RecordedRun, rolled: RollOut, chosen: IntArray) -> FloatArray:
@@ -198,7 +198,7 @@ class ReachRanker:
         if self.goal is not None:
             points = [_goal_point(trace, gaps, promised, self.goal) for promised in best]
         else:
-            points = [_point(trace, gaps, promised, _avoided_share(run, promised, s)) for promised in best]
+            points = [_point(trace, gaps, promised, _avoided(run, promised, s)) for promised in best]
         rest = ForeseeRanker() if self.goal is None else MarginRanker(ForeseeRanker())
         for other in rest.rank(trace, seed=seed, before_s=before_s, after_s=after_s):
             if all(other.actor != p.actor or abs(other.time_s - p.time_s) >= before_s for p in points):
@@ -270,14 +270,14 @@ def _usual(trace: Trace) -> Mapping[str, ModelSpec]:
     return specs
 
 
-def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -> RiskyPoint:
+def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: tuple[int, int]) -> RiskyPoint:
     change, frame, count = best.rolled.change, best.contact_frame, len(best.rolled.values)
     actor = trace.actors[change.actor].id
     onset_s, contact_s = trace.time_s[change.onset], trace.time_s[frame]
     if len(best.reaching):
         does = (
             f"{len(best.reaching)} of {count} changes reach the ego, at about {contact_s:.1f} s; "
-            f"a careful driver avoids {avoided:.0%} of them"
+            f"a careful driver avoids {avoided[0]} of {avoided[1]} that were tried"
         )
     else:
         does = f"none of {count} changes reaches the ego; the nearest one is closest at {contact_s:.1f} s"
@@ -298,7 +298,7 @@ def _point(trace: Trace, gaps: FloatArray, best: ReachPromise, avoided: float) -
 
 def _goal_point(trace: Trace, gaps: FloatArray, best: ReachPromise, goal: PairGoal) -> RiskyPoint:
     """Return the point of a change that may break the goal; the judges know contacts only and are not asked."""
-    point = _point(trace, gaps, best, 0.0)
+    point = _point(trace, gaps, best, (0, 0))
     change, count = best.rolled.change, len(best.rolled.values)
     does = f"{len(best.reaching)} of {count} changes break {goal.name}" if len(best.reaching) else (
         f"none of {count} changes breaks {goal.name}; it is closest at {point.time_s:.1f} s"

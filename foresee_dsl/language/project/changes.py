@@ -128,6 +128,9 @@ def _of_actor(
         raise _RefusedError("actor", "FS124", message, "name another actor")
     if isinstance(actor, m.Actor) and actor.first(m.Track) is not None:
         _check_beside_track(change, rule)
+    if change.property == "style" and not any(isinstance(item, m.Route | m.EdgeRoute) for item in actor.body):
+        message = f"{change.actor} does not drive along a route, so it cannot have a style"
+        raise _RefusedError("actor", "FS124", message, "name a vehicle on a route")
     has = value_of(actor, change.property)
     if has is None:
         message = f"{actor.name} has no {change.property} that can change"

@@ -113,7 +113,7 @@ def _subtitle(campaigns: Sequence[WrittenCampaign]) -> str:
     drivers = ", ".join(dict.fromkeys(c.driver for c in campaigns))
     rankers = ", ".join(dict.fromkeys(c.ranker for c in campaigns))
     return (
-        f"driver {drivers} · ranker {rankers} · preset {first.preset} · clips of {length:g} s · "
+        f"driver {drivers} · ranker {rankers} · preset {first.preset} · clips of at most {length:g} s · "
         f"{settings.risky_points} risky points × {settings.children} children · seed {settings.seed}"
     )
 

@@ -10,7 +10,7 @@ import os
 import shlex
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.triage.standing import Standing, standing_of
 from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.derive.presets import preset
@@ -239,9 +240,10 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         yield Text(_allocated(result))
     length = settings.before_s + settings.after_s
     yield Text(
-        f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, clips of {length:g} s, "
-        f"{counted(settings.risky_points, 'risky point')} x {settings.children} children, seed {settings.seed}; "
-        f"{counted(total.clips, 'clip')}, {duration(result.wall_s)}",
+        f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, "
+        f"clips of at most {length:g} s, {counted(settings.risky_points, 'risky point')} x "
+        f"{counted(settings.children, 'child', 'children')}, seed {settings.seed}; {counted(total.clips, 'clip')}, "
+        f"{duration(result.wall_s)}",
         style="dim",
     )
 
@@ -363,30 +365,46 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
     for _, how, name in nearest:
         yield _path("    ", f"{how}  {name}")
     settings = result.settings
-    paths = sorted({seed.id.partition("::")[0] for seed in result.seeds})
+    cases = sorted({seed.id for seed in result.seeds})
+    paths = sorted({case.partition("::")[0] for case in cases})
     if not paths:
         return
     folder = os.path.commonpath([Path(path).parent for path in paths]) or "."
-    named = shlex.join(paths) if len(paths) <= 3 else shlex.quote(folder)
-    chosen = "".join(
-        f" --{field.name.removesuffix('_s').replace('_', '-')} {getattr(settings, field.name):g}"
-        for field in fields(settings)
-        if field.name in ("before_s", "after_s", "handover_s", "seed")
-        and getattr(settings, field.name) != field.default
-    )
-    chosen += f" --goal {settings.goal}" if settings.goal else ""
-    again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}{chosen}"
+    named = next((names for names in (cases, paths) if len(names) <= _NAMED_CASES), [folder])
+    again = shlex.join(["foresee", "campaign", *named, "--driver", settings.driver, "--out", str(out)])
     yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
-    more_points = f"--risky-points {2 * settings.risky_points} --children {2 * settings.children}"
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
     mutations = "paper" if settings.preset != "paper" else "focused"
-    for why, more in (
-        *([("also what no driver can avoid", "--preset focused")] if _without_clips(result) else []),
-        *([("more points, more children", more_points)] if result.clips or not _without_clips(result) else []),
-        ("other moments", f"--ranker {ranker}"),
-        ("other mutations", f"--preset {mutations} --repeat 2"),
-    ):
-        yield _path("    ", f"{again} {more}   # {why}")
+    nothing = bool(_without_clips(result))
+    suggested: dict[str, dict[str, str | int]] = {
+        **({"also what no driver can avoid": {"preset": "focused"}} if nothing else {}),
+        "more points, more children": {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children},
+        "other moments": {"ranker": ranker},
+        "other mutations": {"preset": mutations, "repeat": 2},
+    }
+    if nothing and not result.clips:
+        del suggested["more points, more children"]
+    for why, other in suggested.items():
+        yield _path("    ", f"{again}{_options(settings, other)}   # {why}")
+
+
+_REPEATED = ("ranker", "preset", "before_s", "after_s", "handover_s", "seed", "allocation", "rules", "goal",
+             "risky_points", "children", "repeat")  # fmt: skip
+"""Settings that a suggested command repeats if they differ from their defaults."""
+_NAMED_CASES = 3
+"""Maximum number of test cases, or of files, that a suggested command names one by one."""
+
+
+def _options(settings: CampaignSettings, other: Mapping[str, str | int]) -> str:
+    """Return the options of a campaign with some `other` settings, each that differs from its default."""
+    defaults = {field.name: field.default for field in fields(settings)}
+    chosen = {name: other.get(name, getattr(settings, name)) for name in _REPEATED}
+    return "".join(
+        f" --{name.removesuffix('_s').replace('_', '-')} "
+        + (f"{value:g}" if isinstance(value, float) else shlex.quote(str(value)))
+        for name, value in chosen.items()
+        if name in other or value != defaults[name]
+    )
 
 
 def _nearest(run: CaseRunOutcome | ChildOutcome) -> tuple[float, str]:

@@ -182,6 +182,8 @@ def study(
     from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
 
     chosen = half_named(half)
+    for other in beside or ():
+        StudyFolder(other).read()  # before anything runs: a folder without a study is an error
     if question == REPORT:
         if len(paths or ()) > 1:
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
