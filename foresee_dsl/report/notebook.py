@@ -52,6 +52,31 @@ class Finding(FindingEntry):
     folder: Path = field(default=Path("out"), kw_only=True)
     reader: Reader = field(default_factory=Reader, kw_only=True, repr=False, compare=False)
 
+    @property
+    def class_(self) -> str:
+        """Return the class of the failure."""
+        return self.record.class_
+
+    @property
+    def family(self) -> str:
+        """Return the scenario family."""
+        return self.record.family
+
+    @property
+    def test_case(self) -> str:
+        """Return the address of the test case."""
+        return self.record.test_case
+
+    @property
+    def rate(self) -> str:
+        """Return how many runs fail if the driver is not deterministic: `7/10`; "" if it is."""
+        return self.record.rate or ""
+
+    @property
+    def short_title(self) -> str:
+        """Return the story in at most twelve words; "" if there is none, as in a campaign of an older version."""
+        return self.record.title
+
     def playback(self) -> Playback:
         """Return the finding's part of the report, with its playback."""
         contents = Contents(self.name, self.title, f"driver {self.driver}", (self,), ())
