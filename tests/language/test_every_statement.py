@@ -15,7 +15,7 @@ from foresee_dsl.language.model.item import Group
 from foresee_dsl.language.model.pattern import Slot, form_of, read_pattern, slots_of, words_before
 from foresee_dsl.language.printer import layout, written
 from foresee_dsl.language.syntax.grammar import parser
-from foresee_dsl.simulate.triggers import director
+from foresee_dsl.simulate.triggers import director, kinds
 from tests.support.strategies import STATEMENTS
 
 RULES = {rule.alias or rule.origin.name for rule in parser().rules}
@@ -83,10 +83,10 @@ def test_every_statement_is_printed_and_read_back() -> None:
 
 def test_triggers_and_clips_handle_every_class() -> None:
     """mypy says so too (`assert_never`); here for whoever runs the tests alone."""
-    sources = {module: inspect.getsource(module) for module in (clip, conditions, director)}
+    sources = {module: inspect.getsource(module) for module in (clip, conditions, kinds, director)}
     handled = {module: set(re.findall(r"\bm\.(\w+)\(", source)) for module, source in sources.items()}
     assert members(m.ScenarioItem) | members(m.ActorItem) <= handled[clip]
-    assert members(m.Condition) <= handled[conditions]
+    assert members(m.Condition) <= handled[conditions] | handled[kinds]
     assert members(m.Action) - {"Wait", "Then"} <= handled[director]
 
 
