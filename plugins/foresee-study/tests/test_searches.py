@@ -290,7 +290,7 @@ def test_the_table_of_the_default_search_has_the_figures_of_its_study(root: Path
     """Each row states the rates of the default, and of the other ranker with the highest rate, with the test's p."""
     pages = root / "docs" / "background"
     rates_of, tests = (
-        list(csv.DictReader((pages / "results" / f"{name}.csv").open(encoding="utf-8")))
+        list(csv.DictReader(io.StringIO((pages / "results" / f"{name}.csv").read_text(encoding="utf-8"))))
         for name in ("default", "default_statistics")
     )
     p_of = {(row["part"], row["row"]): row["p, permutation"] for row in tests}
