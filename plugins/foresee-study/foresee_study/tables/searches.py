@@ -10,7 +10,7 @@ import numpy as np
 
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_study.measured import Counted, MeasuredCampaign, MeasuredClip
-from foresee_study.results import Results, counts_of, mean
+from foresee_study.results import TOGETHER, Results, counts_of, mean
 from foresee_study.settings import EXHAUSTIVE, POINTS
 from foresee_study.statistics import Pair, compare
 from foresee_study.statistics.bootstrap import Interval, ratio_interval, sum_of
@@ -41,6 +41,13 @@ def default_search(results: Results) -> tuple[Table, ...]:
             heading = f"{driver}, {points} points"
             by_heading[heading] = beside_default(results, driver, points)
             rows += section(heading, _rows(by_heading[heading], every))
+    for points in (CampaignSettings.risky_points, POINTS):
+        each = [own for heading, own in by_heading.items() if own and heading.endswith(f", {points} points")]
+        if len(each) > 1:
+            shared = [name for name in each[0] if all(name in own for own in each)]
+            by_heading[f"{TOGETHER}, {points} points"] = {
+                name: tuple(m for own in each for m in own[name]) for name in shared
+            }
     title = "The default search and the others at equal simulated time"
     return (
         Table("default", title, _columns(), tuple(rows), "technique", (_CUT, _RATES, _STEERED)),
@@ -209,8 +216,10 @@ def _statistics(name: str, title: str, ours: str, by_heading: dict[str, Techniqu
 
 
 def _pairs(first: Sequence[MeasuredCampaign], second: Sequence[MeasuredCampaign], what: Counted) -> list[Pair]:
-    sides = [{(m.repetition, case.name): case for m in side for case in m.usable} for side in (first, second)]
+    """Return the units that two techniques share, with one driver or several."""
+    sides = [{(m.driver, m.repetition, c.name): c for m in side for c in m.usable} for side in (first, second)]
+    several = len({m.driver for m in first}) > 1
     return [
-        Pair(name, repetition, sides[0][repetition, name].count(what), sides[1][repetition, name].count(what))
-        for repetition, name in sorted(sides[0].keys() & sides[1].keys())
+        Pair(unit[2], unit[1], sides[0][unit].count(what), sides[1][unit].count(what), unit[0] if several else "")
+        for unit in sorted(sides[0].keys() & sides[1].keys())
     ]
