@@ -23,6 +23,7 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, Y
+from tests.support.command import foresee
 from tests.support.worlds import written_case
 
 SIDE_ROAD = """foresee 1
@@ -157,6 +158,8 @@ def test_a_mutant_cannot_give_a_pedestrian_a_style(folder: Path) -> None:
     point = RiskyPoint(1, 60, 3.0, "", "none", float("nan"), float("nan"), 0.0, "a test")
     cut = clip(case, drive(case).trace, point, before_s=1, after_s=1, name="p1", parent=file.name)
     text = 'foresee 1\n\nmutant child of "p1.foresee" pin sha256:000000000000 {\n  change p.style: usual => creeps\n}\n'
+    (wrong := folder / "wrong_child.foresee").write_text(text.replace("creeps", "sleepy"))
+    assert "`sleepy` cannot be a value of `style`" in foresee("check", wrong, expect=1).stderr
     mutant, clipped = parse(text, "child.foresee").model, expand_clip(cut, case, source=folder / "p1.foresee")
     with pytest.raises(InputError, match="p does not drive along a route, so it cannot have a style"):
         expand_mutant(mutant, clipped, source=folder / "child.foresee")

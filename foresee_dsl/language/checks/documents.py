@@ -16,7 +16,7 @@ from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model_classes import CLASSES
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import value_text, written
 
 
 def check_document(document: Document) -> tuple[Diagnostic, ...]:
@@ -176,7 +176,7 @@ def _check_changed(collector: Collector, change: m.Change, side: str, *, paramet
     else:
         rule = m.PROPERTIES.get(change.property)
         if rule is not None and rule.words and value not in rule.words:
-            message = f"the value of `{change.property}` must be a word"
+            message = f"`{value_text(value)}` cannot be a value of `{change.property}`"
             collector.add(change, side, "FS046", message, f"write one of {', '.join(rule.words)}")
         needed = rule.dimension if rule is not None and not rule.words else None
     if needed is None:

@@ -116,7 +116,8 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> Diagnos
 
 
 _NOUNS = {
-    "what": "rule", "turns": "turn", "preventable": "answer", "anticipating": "answer", "property": "property",
+    "what": "rule", "turns": "turn", "preventable": "answer", "anticipating": "answer", "manner": "style",
+    "how": "allocation",
 }  # fmt: skip
 
 
