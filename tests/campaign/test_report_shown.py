@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.written import JSON, WrittenCampaign
-from foresee_dsl.report.terminal.campaign import SCREEN_LINES, print_campaign, print_findings
+from foresee_dsl.report.terminal.campaign import REPEATED, SCREEN_LINES, print_campaign, print_findings
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
@@ -62,6 +62,11 @@ def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> 
     chosen = f"{chosen} --allocation stories --risky-points 2"
     assert f"{begins} --ranker exhaustive --preset lawful {chosen}   # other moments" in text
     assert f"{begins} --preset paper {chosen} --repeat 2   # other mutations" in text
+
+
+def test_a_suggested_command_repeats_every_setting() -> None:
+    names = {field.name for field in fields(CampaignSettings)}
+    assert names - {"driver", "against", "fidelity_limit_m"} == set(REPEATED)
 
 
 def test_paths_stay_whole_on_a_narrow_terminal() -> None:

@@ -376,21 +376,22 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
     mutations = "paper" if settings.preset != "paper" else "focused"
     nothing = bool(_without_clips(result))
-    suggested: dict[str, dict[str, str | int]] = {
-        **({"also what no driver can avoid": {"preset": "focused"}} if nothing else {}),
-        "more points, more children": {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children},
-        "other moments": {"ranker": ranker},
-        "other mutations": {"preset": mutations, "repeat": 2},
-    }
-    if nothing and not result.clips:
-        del suggested["more points, more children"]
+    suggested: dict[str, dict[str, str | int]] = {}
+    if nothing:
+        suggested["also what no driver can avoid"] = {"preset": "focused"}
+    if result.clips or not nothing:
+        more = {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children}
+        suggested["more points, more children"] = dict(more)
+    suggested["other moments"] = {"ranker": ranker}
+    suggested["other mutations"] = {"preset": mutations, "repeat": 2}
     for why, other in suggested.items():
         yield _path("    ", f"{again}{_options(settings, other)}   # {why}")
 
 
-_REPEATED = ("ranker", "preset", "before_s", "after_s", "handover_s", "seed", "allocation", "rules", "goal",
-             "risky_points", "children", "repeat")  # fmt: skip
-"""Settings that a suggested command repeats if they differ from their defaults."""
+REPEATED = ("ranker", "preset", "before_s", "after_s", "handover_s", "seed", "allocation", "rules", "goal",
+            "first_from", "risky_points", "children", "repeat")  # fmt: skip
+"""Settings that a suggested command repeats if they differ from their defaults. The driver is always named; the
+default of the reference drivers depends on the driver, so they are not repeated."""
 _NAMED_CASES = 3
 """Maximum number of test cases, or of files, that a suggested command names one by one."""
 
@@ -398,7 +399,7 @@ _NAMED_CASES = 3
 def _options(settings: CampaignSettings, other: Mapping[str, str | int]) -> str:
     """Return the options of a campaign with some `other` settings, each that differs from its default."""
     defaults = {field.name: field.default for field in fields(settings)}
-    chosen = {name: other.get(name, getattr(settings, name)) for name in _REPEATED}
+    chosen = {name: other.get(name, getattr(settings, name)) for name in REPEATED}
     return "".join(
         f" --{name.removesuffix('_s').replace('_', '-')} "
         + (f"{value:g}" if isinstance(value, float) else shlex.quote(str(value)))

@@ -33,21 +33,17 @@ def searches(results: Results) -> tuple[Table, ...]:
 
 def default_search(results: Results) -> tuple[Table, ...]:
     """Return the tables of the question `default`; without rows if no default search was run."""
-    by_heading: dict[str, Techniques] = {}
+    numbers = (CampaignSettings.risky_points, POINTS)
+    compared = {(driver, n): beside_default(results, driver, n) for driver in results.drivers for n in numbers}
     rows: list[Row] = []
-    for driver in results.drivers:
-        every = stories(results.exhaustive(driver))
-        for points in (CampaignSettings.risky_points, POINTS):
-            heading = f"{driver}, {points} points"
-            by_heading[heading] = beside_default(results, driver, points)
-            rows += section(heading, _rows(by_heading[heading], every))
-    for points in (CampaignSettings.risky_points, POINTS):
-        each = [own for heading, own in by_heading.items() if own and heading.endswith(f", {points} points")]
+    for (driver, points), own in compared.items():
+        rows += section(f"{driver}, {points} points", _rows(own, stories(results.exhaustive(driver))))
+    for points in numbers:
+        each = [own for (_, n), own in compared.items() if n == points and own]
         if len(each) > 1:
             shared = [name for name in each[0] if all(name in own for own in each)]
-            by_heading[f"{TOGETHER}, {points} points"] = {
-                name: tuple(m for own in each for m in own[name]) for name in shared
-            }
+            compared[TOGETHER, points] = {name: tuple(m for own in each for m in own[name]) for name in shared}
+    by_heading = {f"{driver}, {points} points": own for (driver, points), own in compared.items()}
     title = "The default search and the others at equal simulated time"
     return (
         Table("default", title, _columns(), tuple(rows), "technique", (_CUT, _RATES, _STEERED)),
