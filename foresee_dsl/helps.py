@@ -45,9 +45,15 @@ class Instead:
 
 @dataclass(frozen=True, slots=True)
 class OneOf:
-    """Replace the wrong word by one of these, which are names in the file or words of the language."""
+    """Replace the wrong word by one of these, which are names in the file or words of the language.
+
+    Attributes:
+        words: the words. wrong: the word in the marked text that one of them replaces; empty: all of the marked text,
+            if it is a single word.
+    """
 
     words: tuple[str, ...]
+    wrong: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,12 +183,12 @@ def instead(text: str, wrong: str) -> Help:
     return Help(f"`{text}` instead of `{wrong}`", (Instead(text, wrong),))
 
 
-def one_of(words: Iterable[str], last: str = ", ") -> Help:
+def one_of(words: Iterable[str], last: str = ", ", *, wrong: str = "") -> Help:
     """Return a list of alternative words, with `last` before the last of them. Values with units become text without an
-    edit."""
+    edit. `wrong`: see `OneOf`."""
     every = tuple(words)
     text = last.join(part for part in (", ".join(every[:-1]), *every[-1:]) if part)
-    return Help(text, () if any(" " in word for word in every) else (OneOf(every),))
+    return Help(text, () if any(" " in word for word in every) else (OneOf(every, wrong),))
 
 
 def go_on(text: str) -> Help:

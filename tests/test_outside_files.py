@@ -19,7 +19,7 @@ import pytest
 from foresee_dsl.campaign.records import CaseRunOutcome, decode
 from foresee_dsl.campaign.storage.maintenance import MergeCounts, merge
 from foresee_dsl.campaign.storage.soundness import sum_of
-from foresee_dsl.campaign.storage.store import COLUMNS, Row, Store, StoreError
+from foresee_dsl.campaign.storage.store import COLUMNS, Store, StoredResult, StoreError
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.safe_xml import LONGEST_BYTES, parse_net
 from foresee_dsl.errors import CompileError, InputError
@@ -271,8 +271,8 @@ def test_what_zlib_has_packed_is_unpacked_within_a_limit() -> None:
 def test_a_record_that_unpacks_to_more_than_the_limit_counts_as_damaged(tmp_path: Path, summed: bool) -> None:
     bomb = _bomb(30_000_000)
     with Store(tmp_path / "sent") as store:
-        store.add(Row("good", "seed", "good", zlib.compress(b"{}")))
-    row = Row("bad", "seed", "bad", bomb)
+        store.add(StoredResult("good", "seed", "good", zlib.compress(b"{}")))
+    row = StoredResult("bad", "seed", "bad", bomb)
     values = tuple(getattr(row, column) for column in COLUMNS)
     with closing(sqlite3.connect(tmp_path / "sent" / "runs.sqlite")) as database, database:
         places = ", ".join("?" * (len(COLUMNS) + 1))
@@ -288,7 +288,7 @@ def test_a_record_that_unpacks_to_more_than_the_limit_counts_as_damaged(tmp_path
 
 def test_a_store_that_computes_its_rows_is_refused(tmp_path: Path) -> None:
     with Store(tmp_path / "sent") as store:
-        store.add(Row("good", "seed", "good", zlib.compress(b"{}")))
+        store.add(StoredResult("good", "seed", "good", zlib.compress(b"{}")))
     with closing(sqlite3.connect(tmp_path / "sent" / "runs.sqlite")) as database, database:
         database.execute("ALTER TABLE runs RENAME TO kept")
         database.execute("CREATE VIEW runs AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) "

@@ -16,7 +16,7 @@ from foresee_dsl.campaign.execution.engine import Listener, run_campaign
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Stages
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import RunOptions, WorkerPool
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_cases
@@ -68,7 +68,7 @@ class Memory(Listener):
         self.samples: list[tuple[int, float, float]] = []
         """Samples: number of results, MB of this process, MB of the largest worker."""
 
-    def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - the interface of listeners
+    def done(self, row: StoredResult, *, new: bool = True) -> None:  # noqa: ARG002 - the interface of listeners
         """Take a sample after each `every` results."""
         self._done += 1
         if self._done % self._every == 0 and self.pool is not None:

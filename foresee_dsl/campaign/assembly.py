@@ -32,7 +32,7 @@ from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.step import StepNode
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
@@ -128,7 +128,7 @@ def _drop_untrusted(
             clips[clip], children[clip] = replace(outcome, dropped=len(children[clip])), {}
 
 
-def _run_beside(node: StepNode, row: Row, driver: str) -> Traces:
+def _run_beside(node: StepNode, row: StoredResult, driver: str) -> Traces:
     """Return the stored trace of a reference driver's run; the key is the file, beside the failure's, that the trace
     gets. The result is empty if no trace is stored.
     """
@@ -139,7 +139,7 @@ def _run_beside(node: StepNode, row: Row, driver: str) -> Traces:
                             driver): (row.trace, "")}  # fmt: skip
 
 
-def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[StepNode, Row]]:
+def _results(stages: Stages, *, failures: bool) -> Iterator[tuple[StepNode, StoredResult]]:
     for node, row in stages.walk(failures=failures):
         if row is not None and not (failures and isinstance(node.step, ChildStep) and row.verdict not in FAILED):
             yield node, row

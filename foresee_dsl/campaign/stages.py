@@ -26,7 +26,7 @@ from foresee_dsl.campaign.steps.inputs import CaseRef, InputRef
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import AnyStep, ClipPart, KeyInputs, Step, StepNode, Work, run_steps
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.campaign.workers.pool import Task
 from foresee_dsl.derive.presets import preset
@@ -62,7 +62,7 @@ _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in
 """The classes of steps that follow from each kind of step."""
 
 
-def _next(node: StepNode, row: Row) -> Iterator[type[AnyStep]]:
+def _next(node: StepNode, row: StoredResult) -> Iterator[type[AnyStep]]:
     """Yield the classes that may follow from a step with this result; its record is not read, which would take
     longer."""
     return (step for step in _NEXT[node.step.kind] if row.verdict in FAILED or not step.of_failures)
@@ -111,12 +111,12 @@ class Stages:
         """The rounds of each part, if mutants are allocated in rounds."""
 
     @Part.ENGINE.measured
-    def row(self, node: StepNode) -> Row | None:
+    def row(self, node: StepNode) -> StoredResult | None:
         """Return the result of a step, if there is one."""
         return self._store.get(node.step.key) if self._store is not None else None
 
     @Part.ENGINE.measured
-    def has_more_time(self, node: StepNode, row: Row, limits: CampaignLimits) -> bool:
+    def has_more_time(self, node: StepNode, row: StoredResult, limits: CampaignLimits) -> bool:
         """Return whether a run was ended for lack of time, and would now get more time."""
         if not (row.broken and row.verdict == Verdict.TIMEOUT):
             return False
@@ -128,7 +128,7 @@ class Stages:
         return hang.limit_s < now.get(hang.call, self._deadline_s(node, limits))
 
     @Part.ENGINE.measured
-    def after(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
+    def after(self, node: StepNode, row: StoredResult) -> tuple[StepNode, ...]:
         """Return the steps that follow from a step with this result."""
         if node not in self._after:
             classes = [step for step in _next(node, row) if not step.after_all]
@@ -167,7 +167,7 @@ class Stages:
         every = (node for nodes in (self.seeds, *self._after.values()) for node in nodes)
         return (node for node in every if node.step.name in names)
 
-    def chosen_after(self, node: StepNode, row: Row) -> tuple[type[AnyStep], ...]:
+    def chosen_after(self, node: StepNode, row: StoredResult) -> tuple[type[AnyStep], ...]:
         """Return the classes of steps that follow from a step with this result if `choose` names it."""
         after_all = [step for step in _next(node, row) if step.after_all]
         result = decode(row.record, node.step.record) if after_all else None
@@ -181,7 +181,7 @@ class Stages:
 
     def walk(
         self, roots: Sequence[StepNode] | None = None, *, failures: bool = False
-    ) -> Iterator[tuple[StepNode, Row | None]]:
+    ) -> Iterator[tuple[StepNode, StoredResult | None]]:
         """Yield every known step after the one that it follows from, with its result if there is one.
 
         `roots`: only these and the steps that follow. `failures`: skip mutants that are known not to have failed.

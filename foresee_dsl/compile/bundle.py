@@ -185,7 +185,7 @@ class TimedValue:
 
 
 @dataclass(frozen=True, eq=False)
-class Playback:
+class TrackPlayback:
     """How an actor follows its track.
 
     Attributes:
@@ -275,7 +275,7 @@ class PlacedActor:
     """Its driving style, a name in `STYLES`; "" for the style of its model."""
     sublanes: bool = False
     """True if SUMO decides its lateral position, because it or another actor of the scenario passes within its lane."""
-    playback: Playback | None = None
+    playback: TrackPlayback | None = None
     """How it follows its recorded track; for the ego, the track from which it deviates. None without a track."""
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
     """Crossings on its path that a pedestrian enters only on green: (begin and end along the path, m; tls; link)."""

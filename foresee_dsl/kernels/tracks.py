@@ -34,7 +34,7 @@ MEASURED = 6
 DRIVES, STANDS, WALKS = range(3)
 """Modes of motion, each with its own gains."""
 OTHER, BICYCLE, PEDESTRIAN, OBSTACLE = range(4)
-"""Classes of objects that kernels distinguish (`Track.kind`)."""
+"""Classes of objects that kernels distinguish (`TrackedObject.kind`)."""
 SETTLED = 60
 """Number of measurements after which the gains stay constant; 3 s."""
 BIN_M = 20.0
@@ -52,7 +52,7 @@ _JUMPS = JUMP * np.array(
 """[4, mode, bins] differences of x, y, heading and speed above which an object's filter starts again."""
 
 
-class Track(NamedTuple):
+class TrackedObject(NamedTuple):
     """The current state of an object: m, rad, m/s; the speed is along its heading and never negative.
 
     Attributes:
@@ -94,8 +94,8 @@ class Scan(NamedTuple):
     fades: float
 
 
-TRACK, SIGHTING, SCAN = dtype_of(Track), dtype_of(SightingRecord), dtype_of(Scan)
-TRACKS, _SIGHTINGS, _SCANS = array_of(Track), array_of(SightingRecord), array_of(Scan)
+TRACK, SIGHTING, SCAN = dtype_of(TrackedObject), dtype_of(SightingRecord), dtype_of(Scan)
+TRACKS, _SIGHTINGS, _SCANS = array_of(TrackedObject), array_of(SightingRecord), array_of(Scan)
 
 
 @compiled(TABLE, FLOAT)

@@ -4,7 +4,7 @@ A roll-out moves the changed actor along its own recorded track, at other times 
 its recorded path, slower if it reacts or approaches more carefully. All other actors move as recorded. A roll-out takes
 microseconds and selects, from hundreds of changes, those worth a simulation; it does not replace the simulation.
 
-The ego predicts the changed actor with its current velocity and brakes if the prediction is in its way; a `Style`
+The ego predicts the changed actor with its current velocity and brakes if the prediction is in its way; a `PathStyle`
 determines the delay and the braking.
 """
 
@@ -88,7 +88,7 @@ class WhatIf(NamedTuple):
     goes_at: float = inf
 
 
-class Style(NamedTuple):
+class PathStyle(NamedTuple):
     """A style of driving along the recorded path.
 
     Attributes:
@@ -138,7 +138,7 @@ class _Moves(NamedTuple):
     turned: float
 
 
-WHAT_IFS, STYLES, ENDINGS = array_of(WhatIf), array_of(Style), array_of(RollOutEnding, 2)
+WHAT_IFS, STYLES, ENDINGS = array_of(WhatIf), array_of(PathStyle), array_of(RollOutEnding, 2)
 
 
 @inner

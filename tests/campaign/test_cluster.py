@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.campaign.workers.cluster import ClusterError, DaskExecutor, dask
 from foresee_dsl.campaign.workers.pool import BrokenTask, RunOptions, Task
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
@@ -70,7 +70,7 @@ class Killer(Heard):
         super().__init__()
         self.pid = pid
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         super().done(row, new=new)
         if row.kind == "clip" and self.pid:
             os.kill(self.pid, signal.SIGKILL)

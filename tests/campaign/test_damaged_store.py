@@ -14,7 +14,7 @@ import pytest
 
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.campaign.storage.store import Row, Store, StoreError
+from foresee_dsl.campaign.storage.store import Store, StoredResult, StoreError
 from foresee_dsl.cli.options.campaign_options import notes_on
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.command import foresee
@@ -25,7 +25,7 @@ KEYS = [f"{k:064x}" for k in range(300)]
 
 def filled(folder: Path) -> Path:
     """A store of many rows, some with traces, so that its database has several pages."""
-    made = Row(key="", kind="child", name="", record=b"x" * 300)
+    made = StoredResult(key="", kind="child", name="", record=b"x" * 300)
     with Store(folder) as store:
         for k, key in enumerate(KEYS):
             store.add(
@@ -93,7 +93,7 @@ def test_a_truncated_database_is_replaced_by_what_is_left_of_it(tmp_path: Path, 
         left = len(list(store.rows()))
         assert left == store.rescued and left > len(KEYS) * (share - 0.1)
         assert f"{left} results could be read from its database" in notes_on(store)[-1]
-        store.add(Row(key="new", kind="child", name="new", record=b"new"), b"trace 0")
+        store.add(StoredResult(key="new", kind="child", name="new", record=b"new"), b"trace 0")
         assert len([name for name, _ in store.blobs.files()]) == len(KEYS) / 10
     assert [old.stat().st_size for old in tmp_path.glob("runs.damaged-*.sqlite")] == [int(len(data) * share)]
 
@@ -127,7 +127,7 @@ def test_any_flipped_byte_of_the_database_is_harmless(tmp_path: Path) -> None:
             rows = list(store.rows())
             assert all(row == written.get(row.key) for row in rows)
             assert len(rows) > len(written) / 2 if at >= _PAGE else len(rows) == len(written)
-            store.add(Row(key="new", kind="child", name="new", record=b"new"))
+            store.add(StoredResult(key="new", kind="child", name="new", record=b"new"))
         for rest in tmp_path.glob("runs.*sqlite-*"):
             rest.unlink()
 
@@ -162,7 +162,7 @@ class Flips(Heard):
         super().__init__()
         self.store, self.flipped = store, set[str]()
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         super().done(row, new=new)
         if row.trace and row.kind not in self.flipped:
             self.flipped.add(row.kind)
@@ -212,7 +212,7 @@ def test_a_store_without_checksums_is_read_and_gets_them(tmp_path: Path) -> None
     with Store(tmp_path, write=False) as store:
         assert store.get(KEYS[1]) is None, "its record is no compressed one"
     with Store(tmp_path) as store:
-        store.add(Row(key="new", kind="child", name="new", record=b"new"))
+        store.add(StoredResult(key="new", kind="child", name="new", record=b"new"))
         assert store.get("new") is not None
 
 

@@ -14,13 +14,13 @@ import pytest
 from rich.console import Console
 
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.report.terminal.live import LONGEST_LINE, JsonLog, PlainProgress, TimeLeft, progress
 from foresee_dsl.report.terminal.steps import EVERY_S
 
 
-def row(kind: str, verdict: str = "pass", name: str = "one", *, broken: bool = False) -> Row:
-    return Row("k", kind, name, b"", verdict=verdict, reason=f"it was {verdict}", broken=broken)
+def row(kind: str, verdict: str = "pass", name: str = "one", *, broken: bool = False) -> StoredResult:
+    return StoredResult("k", kind, name, b"", verdict=verdict, reason=f"it was {verdict}", broken=broken)
 
 
 class Clock:

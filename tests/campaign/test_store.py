@@ -14,12 +14,12 @@ import pytest
 
 from foresee_dsl.campaign.storage import store as store_module
 from foresee_dsl.campaign.storage.maintenance import MergeCounts, export, merge, statistics, sweep
-from foresee_dsl.campaign.storage.store import SCHEMA, Row, Store, StoreError
+from foresee_dsl.campaign.storage.store import SCHEMA, Store, StoredResult, StoreError
 from foresee_dsl.campaign.storage.traces import name_of
 
 
-def row(key: str, kind: str = "child", **more: object) -> Row:
-    return Row(key=key, kind=kind, name=f"name of {key}", record=b"record", **more)
+def row(key: str, kind: str = "child", **more: object) -> StoredResult:
+    return StoredResult(key=key, kind=kind, name=f"name of {key}", record=b"record", **more)
 
 
 def test_a_row_and_its_trace_come_back(tmp_path: Path) -> None:

@@ -7,13 +7,13 @@ from xml.etree.ElementTree import fromstring
 
 import pytest
 
-from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap
+from foresee_dsl.compile.foreign.opendrive_geometry import OpenDriveRoads
 from foresee_dsl.errors import CompileError
 
 
-def road(shape: str, *, length: float = 100, heading: float = 0, lanes: str = "") -> RoadMap:
+def road(shape: str, *, length: float = 100, heading: float = 0, lanes: str = "") -> OpenDriveRoads:
     """Return a map of one road with one piece."""
-    return RoadMap(
+    return OpenDriveRoads(
         fromstring(f"""<OpenDRIVE><road id="7" length="{length}">
           <planView><geometry s="0" x="10" y="20" hdg="{heading}" length="{length}">{shape}</geometry></planView>
           <lanes><laneOffset s="0" a="0.5" b="0" c="0" d="0"/>{lanes}</lanes></road></OpenDRIVE>""")

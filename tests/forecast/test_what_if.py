@@ -10,7 +10,7 @@ import pytest
 from foresee_dsl.avoidance.candidates.scoring import BLIND, CAREFUL, DRIVES
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.records import dtype_of
-from foresee_dsl.kernels.what_if import MISSES_M, RollOutEnding, Style, WhatIf, roll_out
+from foresee_dsl.kernels.what_if import MISSES_M, PathStyle, RollOutEnding, WhatIf, roll_out
 from tests.support.plain_what_if import Plain, rolled
 
 STYLES = [BLIND, *DRIVES, *CAREFUL]
@@ -51,7 +51,7 @@ def test_the_kernel_does_what_plain_python_does(seed: int) -> None:
     sizes = np.array([[4.5, 1.8, 1.5], [1.0, 0.6, 1.6], [6.0, 2.2, 2.5]])
     whats = [change(rng) for _ in range(3)]
     found = np.zeros((3, len(STYLES)), dtype_of(RollOutEnding))
-    roll_out(np.array(whats, dtype_of(WhatIf)), np.array(STYLES, dtype_of(Style)), tracks, sizes, found)
+    roll_out(np.array(whats, dtype_of(WhatIf)), np.array(STYLES, dtype_of(PathStyle)), tracks, sizes, found)
     for what, row in zip(whats, found, strict=True):
         blind = rolled(what, BLIND, 0.0, tracks, sizes)
         assert tuple(row[0][["contact", "gap", "brakes"]]) == pytest.approx(blind, abs=1e-6)

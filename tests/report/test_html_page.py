@@ -20,7 +20,7 @@ from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.campaign.written import campaign_folders
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.language.project.loading import load_test_case
@@ -30,7 +30,7 @@ from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.playback import ego_way, shown_frames
 from foresee_dsl.report.page.running import EVERY_S, RunningPage
-from foresee_dsl.report.page.runs import FailingRun, Reader, Run
+from foresee_dsl.report.page.runs import FailingRun, Reader, RunOnPage
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
 from foresee_dsl.report.show.panels import VIEW_S
@@ -371,7 +371,7 @@ def test_a_running_campaign_has_a_page(browser: Any, tmp_path: Path) -> None:
     page = RunningPage(file, SETTINGS, clock=lambda: seconds[0], now=lambda: "12:34:56")
     page.planned("child", 3)
     assert "running, 0 of 3" in file.read_text()
-    row = Row("k", "child", f"<b>{HOSTILE[:60]}", b"", verdict="F2", reason="hit <script>")
+    row = StoredResult("k", "child", f"<b>{HOSTILE[:60]}", b"", verdict="F2", reason="hit <script>")
     page.done(row)
     assert "running, 0 of 3" in file.read_text()  # too early to write again
     seconds[0] += EVERY_S
@@ -496,7 +496,7 @@ def hostile_contents() -> Contents:
         name=HOSTILE, address=HOSTILE, record=JudgedRun(verdict=Verdict.F2, reason=HOSTILE, judgements=judgements),
         driver=HOSTILE, seed=0, trace=None,
     )  # fmt: skip
-    run = Run(
+    run = RunOnPage(
         outcome=outcome, id="", title=HOSTILE, moments=(Moment(1.0, HOSTILE, HOSTILE, HOSTILE),), label=HOSTILE,
         class_=HOSTILE, forecast=HOSTILE, changes=(HOSTILE,), unreduced=(HOSTILE,), note=HOSTILE,
         commands=((HOSTILE, HOSTILE),), missing=(HOSTILE,),

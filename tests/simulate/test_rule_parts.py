@@ -12,7 +12,7 @@ from foresee_dsl.compile.roads.conflicts import Conflict
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.simulate.rules.giving_way import Contender, YieldArea
-from foresee_dsl.simulate.rules.stopping import StopLine, can_stop
+from foresee_dsl.simulate.rules.stopping import LineAhead, can_stop
 
 OWN = Movement("a", "b", "a_0", "b_0", ("v_0",), "j", "straight", "s", None, -1, 0, frozenset({"car"}))
 CROSSING_WAY = replace(OWN, from_lane="c_0", to_lane="d_0")
@@ -70,8 +70,8 @@ def test_an_actor_can_stop_after_a_reaction_of_0_75_s_with_3_4_mps2() -> None:
     assert can_stop(0.0, 0.0)
 
 
-def line() -> StopLine:
-    return StopLine(Passage("j", 100.0, 120.0, OWN), must_stop=True)
+def line() -> LineAhead:
+    return LineAhead(Passage("j", 100.0, 120.0, OWN), must_stop=True)
 
 
 def test_a_light_that_leaves_green_too_late_to_stop_binds_only_after_the_next_green() -> None:

@@ -26,7 +26,7 @@ from foresee_dsl.kernels.what_if import (
     ROLLOUT_STEP_S,
     SIDEWAYS_S,
     SLACK_M,
-    Style,
+    PathStyle,
     WhatIf,
 )
 
@@ -79,7 +79,7 @@ def hidden(line: LineString, actor: int, bodies: list[Polygon], tops: FloatArray
     return any(k != actor and tops[k] >= tops[actor] and line.intersects(b) for k, b in enumerate(bodies, start=1))
 
 
-def rolled(what: WhatIf, style: Style, near_s: float, tracks: FloatArray, sizes: FloatArray) -> Plain:
+def rolled(what: WhatIf, style: PathStyle, near_s: float, tracks: FloatArray, sizes: FloatArray) -> Plain:
     """One roll-out."""
     ego, track = tracks[0], tracks[what.actor]
     clock = further(track, what.first, what.ahead)

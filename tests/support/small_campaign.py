@@ -13,7 +13,7 @@ from typing import Any
 from foresee_dsl.campaign.execution.engine import Listener, run_campaign
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import Executor, RunOptions, TaskPart, Update
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.trace import Trace
@@ -104,7 +104,7 @@ class Heard(Listener):
         self.names: list[str] = []
         self.old: list[str] = []
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         if new:
             self.kinds.append(row.kind)
             self.names.append(row.name)

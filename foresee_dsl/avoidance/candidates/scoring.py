@@ -13,24 +13,24 @@ from foresee_dsl.avoidance.candidates.behaviours import Behaviours, Candidate, C
 from foresee_dsl.avoidance.candidates.recorded import RecordedRun
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, Records
 from foresee_dsl.kernels.records import dtype_of
-from foresee_dsl.kernels.what_if import RollOutEnding, Style, WhatIf, roll_out
+from foresee_dsl.kernels.what_if import PathStyle, RollOutEnding, WhatIf, roll_out
 from foresee_dsl.simulate.trace import STEP_S
 
-BLIND = Style(delay=99.0, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0)
+BLIND = PathStyle(delay=99.0, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0)
 """The driver that does not react. Candidates that miss it by a wide margin are not rolled out further."""
 DRIVES = (
-    Style(delay=0.3, horizon=4.0, braking=8.0, pace=1.0, aside=0.0, room=0.0),
-    Style(delay=0.3, horizon=2.5, braking=8.0, pace=1.0, aside=0.0, room=0.0),
-    Style(delay=0.5, horizon=2.0, braking=7.0, pace=1.0, aside=0.0, room=0.0),
-    Style(delay=0.8, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0),
+    PathStyle(delay=0.3, horizon=4.0, braking=8.0, pace=1.0, aside=0.0, room=0.0),
+    PathStyle(delay=0.3, horizon=2.5, braking=8.0, pace=1.0, aside=0.0, room=0.0),
+    PathStyle(delay=0.5, horizon=2.0, braking=7.0, pace=1.0, aside=0.0, room=0.0),
+    PathStyle(delay=0.8, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0),
 )
 """The driver under test, whose reaction is not known in advance: four styles that span the bundled drivers. Ours."""
 CAREFUL = (
-    Style(delay=0.3, horizon=4.0, braking=5.0, pace=1.0, aside=0.0, room=0.5),
-    Style(delay=0.4, horizon=3.0, braking=6.0, pace=0.85, aside=0.0, room=0.3),
-    Style(delay=0.4, horizon=3.0, braking=6.0, pace=0.7, aside=0.0, room=0.3),
-    Style(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=0.7, room=0.2),
-    Style(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=-0.7, room=0.2),
+    PathStyle(delay=0.3, horizon=4.0, braking=5.0, pace=1.0, aside=0.0, room=0.5),
+    PathStyle(delay=0.4, horizon=3.0, braking=6.0, pace=0.85, aside=0.0, room=0.3),
+    PathStyle(delay=0.4, horizon=3.0, braking=6.0, pace=0.7, aside=0.0, room=0.3),
+    PathStyle(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=0.7, room=0.2),
+    PathStyle(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=-0.7, room=0.2),
 )
 """Careful drivers: one brakes early, two approach more slowly, one keeps to the left and one to the right. Ours: less
 than half a lane's free width aside, and the speed of a driver who expects a hazard."""
@@ -71,8 +71,8 @@ clips, 62 of 373 failed. In a trial with the ranker `reach`, 0.2 gave `pdm` 21 a
 instead of 14, but `idm` 7 instead of 18: a driver that reacts late fails where the scores are low.
 """
 
-_STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
-_CAREFULLY = np.array([BLIND, *CAREFUL], dtype=dtype_of(Style))
+_STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(PathStyle))
+_CAREFULLY = np.array([BLIND, *CAREFUL], dtype=dtype_of(PathStyle))
 
 
 @dataclass(frozen=True, slots=True)

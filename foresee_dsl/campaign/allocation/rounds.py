@@ -39,7 +39,7 @@ from foresee_dsl.derive.mutate import Draw
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
-    from foresee_dsl.campaign.storage.store import Row
+    from foresee_dsl.campaign.storage.store import StoredResult
 
 
 class Steps(Protocol):
@@ -50,15 +50,15 @@ class Steps(Protocol):
         """Return the campaign's settings."""
         ...
 
-    def row(self, node: StepNode) -> Row | None:
+    def row(self, node: StepNode) -> StoredResult | None:
         """Return the result of a step, if there is one."""
         ...
 
-    def after(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
+    def after(self, node: StepNode, row: StoredResult) -> tuple[StepNode, ...]:
         """Return the steps that depend on a step with this result."""
         ...
 
-    def walk(self, roots: Sequence[StepNode] | None = None) -> Iterator[tuple[StepNode, Row | None]]:
+    def walk(self, roots: Sequence[StepNode] | None = None) -> Iterator[tuple[StepNode, StoredResult | None]]:
         """Yield every step that follows from the roots, with its result if there is one."""
         ...
 

@@ -27,7 +27,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import CaseFiles, Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.step import StepNode, StepResult
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import BrokenTask, Executor, RunOptions, TaskPart, Update
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
@@ -48,7 +48,7 @@ class Listener:
     def planned(self, kind: str, count: int) -> None:
         """Called when `count` more steps of a kind are known to be needed."""
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Called when a step's result is in the store; `new`: it was not there before."""
 
     def broken(self, what: str) -> None:
@@ -65,7 +65,7 @@ class StoredCounts(Listener):
         self._reused: set[str] = set()
         self._new: set[str] = set()
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Record a result; two steps of this campaign may share one."""
         (self._new if new else self._reused).add(row.key)
 
@@ -352,7 +352,7 @@ class _CampaignRun:
         self._hand_out(read)
         return True
 
-    def _go_on(self, row: Row) -> None:
+    def _go_on(self, row: StoredResult) -> None:
         """Report a stored result, and begin the steps that follow from it."""
         self._unreported.discard(row.key)
         for k, node in enumerate(self._end_waiting(row.key)):
@@ -365,16 +365,16 @@ class _CampaignRun:
         self._awaited.subtract(self._awaited_by(node) for node in nodes)
         return nodes
 
-    def _tell(self, row: Row, *, new: bool) -> None:
+    def _tell(self, row: StoredResult, *, new: bool) -> None:
         for listener in self._listeners:
             listener.done(row, new=new)
 
 
-def _row(result: StepResult, *, broken: bool = False) -> Row:
+def _row(result: StepResult, *, broken: bool = False) -> StoredResult:
     record = result.record.child if isinstance(result.record, Minimised) else result.record
     run = record if isinstance(record, CaseRunOutcome | ClipOutcome | ChildOutcome) else None
     hangs = run is not None and run.notes is not None and run.notes.hang is not None
-    return Row(
+    return StoredResult(
         key=result.key,
         kind=result.kind,
         name=result.name,
@@ -388,7 +388,7 @@ def _row(result: StepResult, *, broken: bool = False) -> Row:
     )
 
 
-def _broken_row(node: StepNode, broken: BrokenTask) -> Row | None:
+def _broken_row(node: StepNode, broken: BrokenTask) -> StoredResult | None:
     """Return the stored record of a run that gave no result; None if nothing is stored for it: if the step is a
     forecast or a mutation, not a run, or if the process was ended from outside. The latter is not a result, so the next
     campaign runs the step again.

@@ -15,7 +15,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import risk_hash
 from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
@@ -75,8 +75,10 @@ def minimise_file(
     with Store(folder) as store:
         result, packed = _apart(work)
         if result.runs:
-            row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(result), driver=setup.driver,
-                      verdict=result.child.verdict.value, reason=result.child.reason)  # fmt: skip
+            row = StoredResult(
+                key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(result), driver=setup.driver,
+                verdict=result.child.verdict.value, reason=result.child.reason,
+            )  # fmt: skip
             store.drop(its)
             store.add(row, packed)
         return _checked(result), parent, result.runs

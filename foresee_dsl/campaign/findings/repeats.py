@@ -18,7 +18,7 @@ from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import StepNode
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import BrokenTask, RunOptions, Task, WorkerPool
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
@@ -78,7 +78,9 @@ def repeated(
     for name, ends in endings.items():
         if len(ends) > 1:
             record = Repeats(dict(sorted(Counter(verdict for verdict, _ in ends).items())), len(set(ends)) == 1)
-            store.add(Row(subjects[name].key, _KIND, name, encode(record), driver=result.settings.driver), None)
+            store.add(
+                StoredResult(subjects[name].key, _KIND, name, encode(record), driver=result.settings.driver), None
+            )
             stored[name] = record
     return stored
 

@@ -53,7 +53,7 @@ class StoreError(ForeseeError):
 
 
 @dataclass(frozen=True)
-class Row:
+class StoredResult:
     """One result.
 
     Attributes:
@@ -80,7 +80,7 @@ class Row:
     made_s: float = 0.0
 
 
-COLUMNS = tuple(field.name for field in fields(Row))
+COLUMNS = tuple(field.name for field in fields(StoredResult))
 _BROKEN = COLUMNS.index("broken")
 _SELECT = f"SELECT {', '.join(COLUMNS)}"
 _INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}, sum) VALUES ({', '.join('?' * len(COLUMNS))}, ?)"  # noqa: S608 - names of our own fields
@@ -132,7 +132,7 @@ class Store:
         self.close()
 
     @Part.STORE.measured
-    def get(self, key: str) -> Row | None:
+    def get(self, key: str) -> StoredResult | None:
         """Return the row of a key, or None; also None if its trace is missing, or row or trace were changed."""
         columns = self._stored_row(key)
         if columns is None:
@@ -159,16 +159,16 @@ class Store:
             raise StoreError(_explained(self.folder, err, reads=self._lock is None)) from err
         return columns
 
-    def _row(self, columns: Sequence[Any], total: str, *, checked: bool = False) -> Row | None:
+    def _row(self, columns: Sequence[Any], total: str, *, checked: bool = False) -> StoredResult | None:
         """Return a row from the values of its columns; None if they were changed on the disk."""
         if not checked:
             if not is_sound(columns, total):
                 self.damaged[str(columns[0])] = str(columns[2])
                 return None
             self._checked.add(columns[0])
-        return Row(*(*columns[:_BROKEN], bool(columns[_BROKEN]), *columns[_BROKEN + 1 :]))
+        return StoredResult(*(*columns[:_BROKEN], bool(columns[_BROKEN]), *columns[_BROKEN + 1 :]))
 
-    def _has_trace(self, row: Row) -> bool:
+    def _has_trace(self, row: StoredResult) -> bool:
         """Return whether a row has a sound trace, or needs none; each trace is read once."""
         if not row.trace or row.trace in self._sound:
             return True
@@ -192,12 +192,12 @@ class Store:
         return trace_row is not None and (not trace_row[0] or self.blobs.has(trace_row[0]))
 
     @Part.STORE.measured
-    def add(self, row: Row, trace: bytes | None = None) -> Row:
+    def add(self, row: StoredResult, trace: bytes | None = None) -> StoredResult:
         """Store one result; see `add_all`."""
         return self.add_all([(row, trace)])[0]
 
     @Part.STORE.measured
-    def add_all(self, results: Iterable[tuple[Row, bytes | None]]) -> list[Row]:
+    def add_all(self, results: Iterable[tuple[StoredResult, bytes | None]]) -> list[StoredResult]:
         """Store results with their traces in one transaction; return the rows with the names of their traces.
 
         They survive the end of any process. An existing row of the same key is kept, unless its trace was lost.
@@ -216,7 +216,7 @@ class Store:
                 self._db.commit()
         return rows
 
-    def _insert(self, row: Row) -> None:
+    def _insert(self, row: StoredResult) -> None:
         values = tuple(getattr(row, column) for column in COLUMNS)
         columns = (*values, sum_of(values))
         if not self._db.execute(_INSERT, columns).rowcount and self.get(row.key) is None:
@@ -232,7 +232,7 @@ class Store:
         """Return the number of results of other tool versions, which no campaign of this version uses."""
         return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
 
-    def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
+    def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[StoredResult]:
         """Yield sound rows in the order of their keys. `records=False` omits the records, which make rows large; then
         damage cannot be detected.
         """

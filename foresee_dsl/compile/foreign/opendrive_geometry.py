@@ -41,7 +41,7 @@ class Pose:
         return Pose(self.x + by_m * cosine, self.y + by_m * sine, self.heading_rad)
 
 
-class RoadMap:
+class OpenDriveRoads:
     """The roads of an OpenDRIVE map, by id."""
 
     def __init__(self, root: Element) -> None:
@@ -49,7 +49,7 @@ class RoadMap:
         self._roads = {road.get("id", ""): road for road in root.iterfind("road")}
 
     @classmethod
-    def read(cls, path: Path) -> RoadMap:
+    def read(cls, path: Path) -> OpenDriveRoads:
         """Return the roads of a map file."""
         return cls(parse_xml(path, "OpenDRIVE", "an OpenDRIVE map"))
 

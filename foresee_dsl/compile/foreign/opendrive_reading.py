@@ -8,13 +8,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import (  # no parsing: that is safe_xml's  # no parsing: that is safe_xml's
+from xml.etree.ElementTree import (  # no parsing: that is safe_xml's
     Element,
     ElementTree,
     SubElement,
 )
 
-from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap, cubic_at, number
+from foresee_dsl.compile.foreign.opendrive_geometry import OpenDriveRoads, Pose, cubic_at, number
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import Crossing, Topology
@@ -27,7 +27,7 @@ _LENGTH_M = 0.1
 def join_directly(root: Element) -> int:
     """Give each connection of a direct junction its own road, and return the number of such junctions."""
     roads = {road.get("id", ""): road for road in root.iterfind("road")}
-    where = RoadMap(root)
+    where = OpenDriveRoads(root)
     count = 0
     direct = [junction for junction in root.iterfind("junction") if junction.get("type") == "direct"]
     for junction in direct:
@@ -47,7 +47,9 @@ def join_directly(root: Element) -> int:
     return len(direct)
 
 
-def _connecting(where: RoadMap, junction: Element, connection: Element, incoming: Element, linked: Element) -> Element:
+def _connecting(
+    where: OpenDriveRoads, junction: Element, connection: Element, incoming: Element, linked: Element
+) -> Element:
     """Return the road from the end of one road to the other, with the lanes that the first road has at its end."""
     at_end = _touches(incoming, "successor", junction)
     s = number(incoming, "length") if at_end else 0.0
@@ -235,7 +237,7 @@ def crosswalks_of(root: Element) -> tuple[Crosswalk, ...]:
 
     Crosswalks beyond their road, or with attributes that are not numbers, are left out.
     """
-    roads = RoadMap(root)
+    roads = OpenDriveRoads(root)
     crosswalks = []
     for road in root.iterfind("road"):
         for thing in road.iterfind("objects/object"):
@@ -280,7 +282,7 @@ def write_crossings(net: Topology, crosswalks: Sequence[Crosswalk], out: Path) -
     return used
 
 
-def _crosswalk(roads: RoadMap, road: Element, thing: Element) -> Crosswalk:
+def _crosswalk(roads: OpenDriveRoads, road: Element, thing: Element) -> Crosswalk:
     s = min(max(number(thing, "s"), 0.0), number(road, "length"))
     beyond = number(thing, "s") - s  # CARLA has crosswalks up to 4 m behind the end of a road of 3 m
     pose = roads.at(road.get("id", ""), s, number(thing, "t"))

@@ -313,7 +313,7 @@ def _misses(actor: PlacedActor, junction: str) -> HelpText:
     """Return a help with the junctions on an actor's route; "" if this junction is among them, or there is no route."""
     if actor.line is None or actor.line.passage(junction) is not None:
         return ""
-    return one_of(p.junction for p in actor.line.passages) or "no junction"
+    return one_of((p.junction for p in actor.line.passages), wrong=junction) or "no junction"
 
 
 def never_near(

@@ -10,10 +10,10 @@ from typing import TypeVar
 from foresee_dsl.compile.bundle import (
     ModelSpec,
     PlacedActor,
-    Playback,
     Scene,
     Signal,
     SlipperyPatch,
+    TrackPlayback,
 )
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
@@ -99,7 +99,7 @@ class SceneBuilder:
         self._names = NameChecks(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.first(m.End)) is not None else DEFAULT_END_S
 
-    def _read_playbacks(self) -> dict[str, Playback]:
+    def _read_playbacks(self) -> dict[str, TrackPlayback]:
         """Return how the actors with recorded tracks follow them, by name; add a problem for each track that cannot be
         followed."""
         statements = {name: item for name, actor in self._actors.items() if (item := track_of(actor)) is not None}
@@ -110,7 +110,7 @@ class SceneBuilder:
         except TracksError as err:
             self._add("", "use_tracks", "FS261", str(err), "correct the file, or write it again")
             return {}
-        playbacks: dict[str, Playback] = {}
+        playbacks: dict[str, TrackPlayback] = {}
         for name, statement in statements.items():
             track = tracks.get(statement.name)
             if track is None:

@@ -83,7 +83,7 @@ Pose = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class PlacedFootprint:
     """An actor's footprint on its way.
 
     Attributes:

@@ -10,9 +10,9 @@ from itertools import chain
 from types import MappingProxyType
 from typing import TypeVar, assert_never
 
-from foresee_dsl.compile.bundle import ModelSpec, Playback
+from foresee_dsl.compile.bundle import ModelSpec, TrackPlayback
 from foresee_dsl.compile.placement.paths import shifted, smooth_beside
-from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, Spot, Standing, UnsettledError
+from foresee_dsl.compile.placement.spots import CircleError, OnPath, OnRoute, PlacedFootprint, Spot, UnsettledError
 from foresee_dsl.compile.placement.statements import WHEELS, centre, item, lane_kind, path_of, route_of, si
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import SAME_DIRECTION_RAD, RoadNetwork
@@ -65,7 +65,7 @@ class StartSearch:
         network: RoadNetwork,
         actors: Mapping[str, m.Ego | m.Actor],
         specs: Mapping[str, ModelSpec],
-        playbacks: Mapping[str, Playback] = MappingProxyType({}),
+        playbacks: Mapping[str, TrackPlayback] = MappingProxyType({}),
     ) -> None:
         self._network, self._actors, self._specs, self._playbacks = network, actors, specs, playbacks
         self._on_routes: dict[str, OnRoute] = {}
@@ -112,7 +112,7 @@ class StartSearch:
         finally:
             self._resolving.pop()
 
-    def _standing(self, name: str) -> Standing:
+    def _standing(self, name: str) -> PlacedFootprint:
         """Return the start of an actor of any kind, with its way."""
         if name not in self._actors:
             if re.fullmatch(r".+_[0-9]+", name):  # unknown names are reported elsewhere
@@ -128,12 +128,12 @@ class StartSearch:
                 back = spec.length_m / 2
                 x, y = at.x - back * math.cos(at.heading_rad), at.y - back * math.sin(at.heading_rad)
                 _, left = at.line.project(at.x, at.y, at.s)
-                return Standing(x, y, at.heading_rad, spec.length_m, spec.width_m, at.line, at.s - back, left)
+                return PlacedFootprint(x, y, at.heading_rad, spec.length_m, spec.width_m, at.line, at.s - back, left)
             if path_of(actor) is not None or name in self._playbacks:
                 on = self.on_path(name) if path_of(actor) is not None else self.on_track(name)
                 body = on.x, on.y, on.heading_rad, spec.length_m, spec.width_m
-                return Standing(*body, lines.line_of(on.path), on.along_m)
-            return Standing(*self.still(name), spec.length_m, spec.width_m)
+                return PlacedFootprint(*body, lines.line_of(on.path), on.along_m)
+            return PlacedFootprint(*self.still(name), spec.length_m, spec.width_m)
 
     @contextmanager
     def _counted_from_here(self) -> Iterator[None]:
@@ -196,7 +196,8 @@ class StartSearch:
         line, _ = self._line_of(place.actor)
         passage = line.passage(junction)
         if passage is None or passage.entry_s >= line.end_s - _SLACK_M:
-            over = one_of(p.junction for p in line.passages if p.entry_s < line.end_s - _SLACK_M)
+            passed = (p.junction for p in line.passages if p.entry_s < line.end_s - _SLACK_M)
+            over = one_of(passed, wrong=junction)
             raise RouteError(
                 f"the route of {place.actor} does not go over {junction}",
                 "it goes over " + over if over else "it goes over no junction",
@@ -339,7 +340,7 @@ class StartSearch:
         else:
             return
         if not set(pieces) & set(edges):
-            raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges))
+            raise RouteError(f"{name} starts on {edge}, off its route", "its route is " + one_of(edges, wrong=edge))
 
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
         """Return the distance from an edge's beginning to that of an internal lane of the junction after it, m."""

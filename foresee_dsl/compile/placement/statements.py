@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from foresee_dsl.compile.bundle import ModelSpec, Playback, RecordedState, TimedValue
+from foresee_dsl.compile.bundle import ModelSpec, RecordedState, TimedValue, TrackPlayback
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind
@@ -60,12 +60,12 @@ def track_of(actor: m.Ego | m.Actor) -> m.Track | None:
     return item(actor, m.Track)
 
 
-def playback_of(actor: m.Ego | m.Actor, track: FileTrack, spec: ModelSpec) -> Playback:
+def playback_of(actor: m.Ego | m.Actor, track: FileTrack, spec: ModelSpec) -> TrackPlayback:
     """Return how an actor with a `track` statement follows that track."""
     statement, timing, delay = track_of(actor), item(actor, m.Timing), item(actor, m.Delay)
     line, brakes, speed = item(actor, m.Line), item(actor, m.Brakes), item(actor, m.StartSpeed)
     start_s = si(statement.start) if statement is not None else 0.0
-    return Playback(
+    return TrackPlayback(
         track=track,
         start_s=start_s,
         timing=si(timing.factor) if timing is not None else 1.0,

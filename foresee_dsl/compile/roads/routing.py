@@ -60,7 +60,7 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
     check_junction(network, first)
     edges = next((way for edges in choices if (way := _until(network, edges[0], first, kind))), None)
     if edges is None:
-        ends = one_of(dict.fromkeys(_named_end(network, edges[-1]) for edges in choices), " or ")
+        ends = one_of(dict.fromkeys(_named_end(network, edges[-1]) for edges in choices), " or ", wrong=first)
         raise RouteError(f"{start} does not lead to {first}", "it leads to " + ends)
     for leg in route.legs:
         edges = _over(network, edges, leg, kind)
@@ -267,7 +267,7 @@ def _listed(network: Topology, route: EdgeRoute, kind: LaneKind) -> tuple[str, .
 
 def _leads_to(network: Topology, edges: Sequence[str], edge: str, kind: LaneKind) -> HelpText:
     ways = [m.to_edge for m in onward(network, edges[-1], kind)]
-    reach = "it leads to " + one_of(ways) if ways else "it is a dead end"
+    reach = "it leads to " + one_of(ways, wrong=edge) if ways else "it is a dead end"
     try:
         shortest_route(network, edges[-1], edge, kind)
     except RouteError:

@@ -62,7 +62,7 @@ def edits(diagnostic: Diagnostic, span: Span, text: str) -> Iterator[tuple[Purpo
     for kind in _IN_ORDER:
         for fix in dict.fromkeys(fix for fix in diagnostic.fixes if isinstance(fix, kind)):
             if not isinstance(fix, h.Write) or fix.text not in others:
-                yield from place.edits(fix, diagnostic.message)
+                yield from place.edits(fix)
 
 
 def _texts_of(fix: h.Edit) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ class _Place:
         if not self.written.strip():  # the statement stops too early
             self.end, self.written = self.start, ""
 
-    def edits(self, fix: h.Edit, message: str) -> Iterator[tuple[Purpose, Fix]]:
+    def edits(self, fix: h.Edit) -> Iterator[tuple[Purpose, Fix]]:
         """Yield the possible edits of a fix at this place, each with its purpose."""
         match fix:
             case h.Rewrite(to):
@@ -98,9 +98,9 @@ class _Place:
                 yield from ((Purpose("instead"), edit) for edit in self.instead(wrong, text))
             case h.Write(text) | h.Meant(text):
                 yield from ((Purpose(text), edit) for edit in self.ways(text))
-            case h.OneOf(words):
+            case h.OneOf(words, wrong):
                 for word in words:
-                    yield from ((Purpose(word, listed=True), edit) for edit in self.words(word, message))
+                    yield from ((Purpose(word, listed=True), edit) for edit in self.words(word, wrong))
             case h.Remove(word):
                 yield from ((Purpose("removed"), edit) for edit in self.removals(word))
             case h.Rename(everywhere):
@@ -189,16 +189,16 @@ class _Place:
             if words.startswith("(") or _dimension(value["unit"]) == of_words:
                 yield Fix(title, self.start + value.start(), self.start + value.end(), words)
 
-    def words(self, word: str, message: str) -> Iterator[Fix]:
-        """Yield the edits that replace the wrong word by one of the words that a help lists."""
-        if re.fullmatch(r"\S+", self.written):
-            yield Fix(f"Write `{word}`", self.start, self.end, word)
-            return
-        for wrong in dict.fromkeys(re.findall(r"\w+", message)):
-            places = [occurrence.start() for occurrence in re.finditer(rf"\b{wrong}\b", self.written)]
-            if len(places) == 1 and wrong != word:
-                start = self.start + places[0]
-                yield Fix(f"Write `{word}`", start, start + len(wrong), word)
+    def words(self, word: str, wrong: str) -> Iterator[Fix]:
+        """Yield the edit that replaces the wrong word by one of the words that a help lists; none if it is written more
+        than once."""
+        places = [(0, len(self.written))]
+        if not re.fullmatch(r"\S+", self.written):
+            pattern = rf"\b{re.escape(wrong)}\b"
+            places = [occurrence.span() for occurrence in re.finditer(pattern, self.written)] if wrong else []
+        if len(places) == 1:
+            start, end = places[0]
+            yield Fix(f"Write `{word}`", self.start + start, self.start + end, word)
 
     def instead(self, wrong: str, right: str) -> Iterator[Fix]:
         """Yield the edits that replace one text by another, the nearest place first."""

@@ -208,7 +208,7 @@ class ConflictRecord(NamedTuple):
     ttc: bool
 
 
-class Assessment(NamedTuple):
+class ProposalResult(NamedTuple):
     """What the roll-out of a proposal shows.
 
     Attributes:
@@ -231,7 +231,7 @@ EGO, ACTOR, ROUTE_POINT, JUNCTION, FOE = (
     dtype_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)
 )
 PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, MatchRecord, Predicted, LeaderRecord))
-ROLLED, CONFLICT, ASSESSMENT = dtype_of(Rolled), dtype_of(ConflictRecord), dtype_of(Assessment)
+ROLLED, CONFLICT, ASSESSMENT = dtype_of(Rolled), dtype_of(ConflictRecord), dtype_of(ProposalResult)
 
 EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (
     array_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)

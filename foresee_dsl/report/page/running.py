@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.page.html import hash_of, page_style, page_templates
 from foresee_dsl.report.terminal.live import TITLES, Figures
@@ -43,7 +43,7 @@ class RunningPage(Figures):
         """
         super().__init__(clock, settings)
         self._file, self._settings, self._now = file, settings, now
-        self._listed: deque[Row] = deque(maxlen=MOST_LISTED)
+        self._listed: deque[StoredResult] = deque(maxlen=MOST_LISTED)
         self._written_s = -EVERY_S
 
     def planned(self, kind: str, count: int) -> None:
@@ -51,7 +51,7 @@ class RunningPage(Figures):
         super().planned(kind, count)
         self._write()
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Count a finished run, and list it if it failed."""
         super().done(row, new=new)
         if row.kind in ("seed", "child") and row.verdict in _FAILING:

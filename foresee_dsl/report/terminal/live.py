@@ -33,7 +33,7 @@ from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.steps.step import AnyStep
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.documents import plain
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal.steps import EVERY_S
@@ -115,7 +115,7 @@ class TimeLeft(Listener):
         """Take the total number of children from a round that begins."""
         self._children = max(self._children, begun.total)
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Count a finished run; `new`: whether it was run now, not taken from the store."""
         self.finished[row.kind] += 1
         self._failed[row.kind] += row.verdict in FAILED
@@ -200,7 +200,7 @@ class Figures(TimeLeft):
         super().round(begun)
         self.last_round = begun
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Count a finished run."""
         super().done(row, new=new)
         if row.kind == "child":
@@ -245,7 +245,7 @@ class FirstFailure(Listener):
     def __init__(self) -> None:
         self.name = ""
 
-    def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is called
+    def done(self, row: StoredResult, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is called
         """Remember the run's name if the run is the first that failed."""
         verdict = next((kind for kind in Verdict if kind.value == row.verdict), Verdict.PASS)
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
@@ -269,7 +269,7 @@ class PlainProgress(Figures):
         self._print_line = print_line
         self._printed_s = clock()
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Print a problem at once, and the progress every `EVERY_S`."""
         super().done(row, new=new)
         if new and (problem := _problem(row)):
@@ -303,7 +303,7 @@ class RichProgress(Figures):
         if kind in self._bars:
             self.bars.update(self._bars[kind], total=self.total[kind], visible=True)
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Advance the bar of this kind of run, and print a problem."""
         super().done(row, new=new)
         if row.kind in self._bars:
@@ -368,7 +368,7 @@ class JsonLog(Listener):
         """Write that runs of a kind were planned."""
         self.write("planned", stage=kind, count=count)
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Write that a run was finished."""
         run = {"verdict": row.verdict, "reason": row.reason} if row.verdict else {}
         self.write("done" if new else "known", stage=row.kind, name=row.name, key=row.key, **run,
@@ -418,7 +418,7 @@ def progress(
     return listeners, json_log
 
 
-def _problem(row: Row) -> str:
+def _problem(row: StoredResult) -> str:
     if row.kind == "seed" and row.verdict != Verdict.PASS:
         return f"not usable: {row.name}: {safe(row.reason, 1000)}"
     return f"broke: {row.name}: {safe(row.reason, 1000)}" if row.broken else ""

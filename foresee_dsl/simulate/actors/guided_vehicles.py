@@ -8,7 +8,7 @@ import contextlib
 import math
 from dataclasses import replace
 
-from foresee_dsl.compile.bundle import PlacedActor, Playback
+from foresee_dsl.compile.bundle import PlacedActor, TrackPlayback
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
@@ -65,7 +65,7 @@ class GuidedVehicle(SumoVehicle):
             return
         self.follow(actor.path, actor.line, along_m=actor.along_m, speed_mps=actor.speed_mps, timing=actor.timing)
 
-    def _follow_track(self, actor: PlacedActor, playback: Playback) -> None:
+    def _follow_track(self, actor: PlacedActor, playback: TrackPlayback) -> None:
         """Follow the recorded track from the first frame on."""
         guide = TrackActor(actor, playback, self._world, self._edge, self._friction)
         self.guide = guide

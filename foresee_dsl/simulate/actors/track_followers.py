@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from foresee_dsl.compile.bundle import PlacedActor, Playback
+from foresee_dsl.compile.bundle import PlacedActor, TrackPlayback
 from foresee_dsl.compile.placement.paths import LINE_OVER_M
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.tracks import TrackState
@@ -32,7 +32,7 @@ class TrackClock:
         time_s: the time of the track at which the actor is now, s.
     """
 
-    def __init__(self, playback: Playback) -> None:
+    def __init__(self, playback: TrackPlayback) -> None:
         self._playback = playback
         self.time_s, self._now_s = playback.start_s, 0.0
         self._slow_mps = playback.speed_mps
@@ -105,7 +105,7 @@ class TrackActor(PathActor):
 
     __slots__ = ("_over_m", "clock", "follows", "playback")
 
-    def __init__(self, actor: PlacedActor, playback: Playback, world: World, edge: str, friction: float) -> None:
+    def __init__(self, actor: PlacedActor, playback: TrackPlayback, world: World, edge: str, friction: float) -> None:
         """Place the actor where its track has it at the first frame; it may be absent then."""
         super().__init__(actor, world, edge, friction)
         self.playback, self.clock, self.follows = playback, TrackClock(playback), True

@@ -31,7 +31,7 @@ def can_stop(room_m: float, speed_mps: float) -> bool:
 
 
 @dataclass(slots=True)
-class StopLine:
+class LineAhead:
     """The line before a junction that an actor approaches.
 
     An actor has passed it only when its front has reached the lanes inside the junction, which begin `STOP_BEFORE_M`

@@ -19,7 +19,7 @@ from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.infraction import Infraction, Rule
 from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.rules.giving_way import Contender, YieldArea, blocks_others, contenders, yield_areas
-from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, STOPPED_MPS, StopLine, can_stop
+from foresee_dsl.simulate.rules.stopping import ALL_WAY_STOP, STOPPED_MPS, LineAhead, can_stop
 from foresee_dsl.simulate.trace import STEP_S
 
 LOOKS_AHEAD_M = 150.0
@@ -60,7 +60,7 @@ class RuleWatch:
         self._line: RouteLine | None = actor.placed.line
         self._frame = -1
         self._half = actor.length / 2
-        self._stops: list[StopLine] = []
+        self._stops: list[LineAhead] = []
         self._areas: list[YieldArea] = []
         self._inside: list[YieldArea] = []
         self._fronts: list[tuple[float, float]] = []
@@ -79,7 +79,7 @@ class RuleWatch:
         joints = network.joints
         passages = [p for p in line.passages if p.junction not in joints]
         self._passages = passages
-        self._stops = [StopLine(p, network.junctions[p.junction].type == ALL_WAY_STOP) for p in passages]
+        self._stops = [LineAhead(p, network.junctions[p.junction].type == ALL_WAY_STOP) for p in passages]
 
     def look(self) -> None:
         """Judge the current frame; a second call in the same frame does nothing."""

@@ -12,7 +12,7 @@ import math
 from functools import lru_cache, partial
 from itertools import pairwise
 
-from foresee_dsl.compile.placement.spots import Pose, Standing
+from foresee_dsl.compile.placement.spots import PlacedFootprint, Pose
 from foresee_dsl.compile.placement.statements import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points, Polyline, distance_to
@@ -42,9 +42,9 @@ class Ways:
         self._strip = lru_cache(maxsize=256)(partial(strip_of, self._network))
         self._edges: dict[str, tuple[tuple[float, int], ...]] = {}
         self._frame = -1
-        self._standing: dict[str, Standing] = {}
+        self._standing: dict[str, PlacedFootprint] = {}
 
-    def of(self, actor: SimulatedActor) -> Standing:
+    def of(self, actor: SimulatedActor) -> PlacedFootprint:
         """Return the current position of an actor on its way."""
         if self._frame != self._simulation.frame:
             self._frame = self._simulation.frame
@@ -152,16 +152,16 @@ class Ways:
 
     # --- inside --------------------------------------------------------------------------------------------------
 
-    def _find(self, actor: SimulatedActor) -> Standing:
+    def _find(self, actor: SimulatedActor) -> PlacedFootprint:
         body = actor.x, actor.y, actor.heading, actor.length, actor.width
         if isinstance(actor, PathActor):
             line: Polyline = actor.follower.line
-            return Standing(*body, line, *line.project(actor.x, actor.y, actor.along))
+            return PlacedFootprint(*body, line, *line.project(actor.x, actor.y, actor.along))
         route = self._route_left(actor)
         if not route:
-            return Standing(*body)
+            return PlacedFootprint(*body)
         line = self._line(route, lane_kind(actor.placed.model))
-        return Standing(*body, line, *line.project(actor.x, actor.y))
+        return PlacedFootprint(*body, line, *line.project(actor.x, actor.y))
 
     def _route_left(self, actor: SimulatedActor) -> tuple[str, ...]:
         """Return the rest of an actor's route, from its current edge on; inside a junction, from the edge

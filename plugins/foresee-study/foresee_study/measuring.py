@@ -15,7 +15,7 @@ from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.clip_check import ClipCheckStep
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.forecast.foresee import close_encounters
 from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.language.model import Clip, Quantity
@@ -34,7 +34,7 @@ def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCamp
     result, _ = assemble(stages, stages.out)
     ran = [(node, row) for node, row in stages.walk() if row is not None]
     rows = {(node.step.kind, node.step.name): row for node, row in ran}
-    children: defaultdict[str, list[Row]] = defaultdict(list)
+    children: defaultdict[str, list[StoredResult]] = defaultdict(list)
     for node, row in ran:
         if node.step.kind == ChildStep.kind:
             children[node.over(ClipStep.kind).step.name].append(row)
@@ -78,7 +78,7 @@ def measure(stages: Stages, store: Store, wanted: StudyCampaign) -> MeasuredCamp
 
 
 def _clip(
-    position: int, clip: ClipOutcome, rows: Mapping[tuple[str, str], Row], children: Sequence[Row]
+    position: int, clip: ClipOutcome, rows: Mapping[tuple[str, str], StoredResult], children: Sequence[StoredResult]
 ) -> MeasuredClip:
     """Return a clip; `children`: the rows of all its mutants. The time of those that do not count is the clip's."""
     counted = tuple(
@@ -111,7 +111,7 @@ def _risky_point_s(clip: ClipOutcome) -> float | None:
     return at.si if isinstance(at, Quantity) else None
 
 
-def _encounters_s(store: Store, row: Row, settings: CampaignSettings) -> tuple[float, ...] | None:
+def _encounters_s(store: Store, row: StoredResult, settings: CampaignSettings) -> tuple[float, ...] | None:
     """Return the times of all close encounters of a stored run (step 1a of the forecaster), s; None if its trace is not
     stored."""
     data = store.blobs.get(row.trace) if row.trace else None

@@ -23,7 +23,7 @@ from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.execution.runs import broken_run
 from foresee_dsl.campaign.import_closure import DIGITS
 from foresee_dsl.campaign.keys import driver_identity, step_code
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import BrokenTask, Executor, RunOptions, Task, Update
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
@@ -254,7 +254,7 @@ class _Fuzzing:
             self.broken.append(f"{job.name}: {outcome.reason}")
             for listener in self._listeners:
                 listener.broken(self.broken[-1])
-        row = Row(
+        row = StoredResult(
             key=update.task.key, kind=KIND, name=job.name, record=encode(outcome), driver=self._settings.driver,
             verdict=outcome.verdict.value, reason=outcome.reason, broken=broken, simulated_s=outcome.duration_s,
             wall_s=outcome.wall_s,
@@ -263,7 +263,7 @@ class _Fuzzing:
         self._tell(row if ended_outside else self._store.add(row), new=True)
         progress.take(number, outcome)
 
-    def _tell(self, row: Row, *, new: bool) -> None:
+    def _tell(self, row: StoredResult, *, new: bool) -> None:
         for listener in self._listeners:
             listener.done(row, new=new)
 

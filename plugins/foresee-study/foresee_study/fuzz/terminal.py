@@ -12,7 +12,7 @@ from rich.progress import TextColumn
 from rich.text import Text
 
 from foresee_dsl.campaign.execution.engine import Listener
-from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.report.safe_text import counted, safe, shortened
 from foresee_dsl.report.terminal.live import bars
 from foresee_dsl.report.terminal.steps import EVERY_S
@@ -51,7 +51,7 @@ class FuzzProgress(Listener):
         """Set the maximum number of runs; a failure ends its test case earlier."""
         self._bars.update(self._task, total=count)
 
-    def done(self, row: Row, *, new: bool = True) -> None:
+    def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Count a run, and print its failure."""
         self._done += 1
         self._bars.update(self._task, completed=self._done)

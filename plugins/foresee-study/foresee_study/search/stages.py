@@ -20,7 +20,7 @@ from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.steps.requests import RoundRequest
 from foresee_dsl.campaign.steps.step import StepNode
-from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.derive.presets import preset
 from foresee_dsl.language.document import TestCase
 from foresee_study.search.mutants import ProposedMutants
@@ -55,7 +55,7 @@ class SearchStages(Stages):
         self._first: dict[str, StepNode] = {}
         self.rounds = tuple(SearchRounds(self, node, search, budget_s) for node in self.seeds)
 
-    def after(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
+    def after(self, node: StepNode, row: StoredResult) -> tuple[StepNode, ...]:
         """Return the steps that follow by themselves: no clips, which the search chooses, and no mutant twice."""
         if node.step.kind == "forecast":
             return ()
@@ -67,7 +67,7 @@ class SearchStages(Stages):
             self._new[node] = tuple(n for n in nodes if self._first.setdefault(f"{name} {n.step.key}", n) is n)
         return self._new[node]
 
-    def proposed(self, node: StepNode, row: Row) -> tuple[StepNode, ...]:
+    def proposed(self, node: StepNode, row: StoredResult) -> tuple[StepNode, ...]:
         """Return all mutants of a step, also those that an earlier step has made."""
         return super().after(node, row)
 

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 import numpy as np
 import shapely
 
-from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap, number
+from foresee_dsl.compile.foreign.opendrive_geometry import OpenDriveRoads, Pose, number
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.errors import CompileError
@@ -55,7 +55,7 @@ class Roads:
     def __init__(self, path: Path) -> None:
         """Read a map."""
         root = parse_xml(path, "OpenDRIVE", "an OpenDRIVE map")
-        self._map = RoadMap(root)
+        self._map = OpenDriveRoads(root)
         self._roads = {road.get("id", ""): road for road in root.iterfind("road")}
         self._junctions = {junction.get("id", ""): junction for junction in root.iterfind("junction")}
 
