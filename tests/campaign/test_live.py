@@ -73,6 +73,22 @@ def test_the_time_left_does_not_jump() -> None:
     assert all(abs(b - a) < 0.03 * whole_s for a, b in pairwise(wholes)), "from one moment to the next"
 
 
+def test_one_test_case_alone_is_not_the_whole_work() -> None:
+    """Between the end of a run and the plan of what follows from it, nothing seems to be left."""
+    left = TimeLeft(CampaignSettings(), Clock())
+    left.planned("seed", 1)
+    left.done(replace(row("seed"), wall_s=1.0), new=True)
+    assert left.share < 0.5
+    left.planned("clip", 2)
+    left.done(replace(row("clip"), wall_s=0.5), new=True)
+    left.done(replace(row("clip"), wall_s=0.5), new=True)
+    assert left.share < 0.7
+    left.planned("child", 8)
+    for _ in range(8):
+        left.done(replace(row("child"), wall_s=0.5), new=True)
+    assert left.share > 0.8
+
+
 def test_a_campaign_with_thousands_of_failures_is_not_said_to_make_each_of_them_smaller() -> None:
     """Like `make study`: 2,000 failures are some 80 findings; a line every ten seconds, not two a second."""
     clock = Clock()

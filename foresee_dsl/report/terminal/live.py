@@ -132,8 +132,9 @@ class TimeLeft(Listener):
             kind, above = step.kind, _ABOVE[step.kind]
             expected = of_kind.get(above, 0.0)
             if above:
-                ahead = max(0.0, expected - self.finished[above])
                 seen = self.finished[above]
+                # Runs above that have just ended are not planned on yet; without any plan, all of them may be of that kind.
+                ahead = max(0.0, expected - seen) if self.total[kind] else expected
                 each = (self.total[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:
                     # A round is planned only when the round before has ended; until then the usual number of children
