@@ -187,6 +187,15 @@ def short_hash(*contents: bytes) -> str:
     return hashlib.sha256(b"".join(contents)).hexdigest()[:_SHORT]
 
 
+def stamp_of(file: Path) -> tuple[int, int] | None:
+    """Return the time of a file's last change (ns) and its size; None if it cannot be read."""
+    try:
+        status = file.stat()
+    except (OSError, ValueError):  # ValueError: the path has a null character
+        return None
+    return status.st_mtime_ns, status.st_size
+
+
 def unpacked_within(limit: str, packed: bytes) -> bytes:
     """Return the uncompressed data of zlib-compressed bytes; 4 MB may expand to 4 GB.
 

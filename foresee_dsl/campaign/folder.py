@@ -43,7 +43,7 @@ class CampaignFolder:
             ForeseeError: another process writes into the campaign's folder.
             OSError: the folder cannot be created or written to.
         """
-        with only_writer(self.out, "--out"):
+        with only_writer(self.out):
             for left in self.out.glob(".work-*"):
                 shutil.rmtree(left, ignore_errors=True)
             for part in _PARTS:

@@ -122,7 +122,7 @@ def campaign(
     if profiler is not None:
         profiler.ready()
     # Until the pages are written, no other campaign may use the folder.
-    ctx.with_resource(only_writer(flags.out, "--out"))
+    ctx.with_resource(only_writer(flags.out))
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])

@@ -11,7 +11,7 @@ from pathlib import Path
 from foresee_dsl.editor.symbols import Occurrence, occurrences
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import absolute, data_folder, read_outside_text
+from foresee_dsl.files import absolute, data_folder, read_outside_text, stamp_of
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import MAX_BYTES
@@ -46,7 +46,7 @@ class Files:
     def text(self, path: Path) -> str | None:
         """Return a file's text, or None if it cannot be read as text."""
         held = self.overlay.get(path)
-        return held if held is not None else _on_disk(path, _stamp(path))
+        return held if held is not None else _on_disk(path, stamp_of(path))
 
     def names(self, path: Path) -> tuple[Occurrence, ...]:
         """Return the names in a file."""
@@ -166,14 +166,6 @@ class Files:
             }
             return types.get(self.type_of(path, use.scope), ())
         return (use.kind,)
-
-
-def _stamp(path: Path) -> tuple[int, int] | None:
-    try:
-        status = path.stat()
-    except (OSError, ValueError):
-        return None
-    return status.st_mtime_ns, status.st_size
 
 
 @lru_cache(maxsize=1024)

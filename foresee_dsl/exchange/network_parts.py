@@ -16,6 +16,7 @@ from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Crossing, Lane, Movement
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.simulate.mission import NEAR_AHEAD_M, NEAR_RIGHT_M
+from foresee_dsl.simulate.signals import state_at
 from foresee_dsl.simulate.trace import Trace
 
 _MITRE = 2.0
@@ -122,7 +123,5 @@ def signal_states(signals: Mapping[str, Signal], trace: Trace, frame: int) -> di
     states = {}
     for k, junction in enumerate(trace.signals):
         signal = next(signal for signal in signals.values() if signal.junction == junction)
-        stage = trace.signal_stages[k][int(trace.stages[frame, k])]
-        phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, k]))
-        states[signal.tls] = signal.phases[phase].state
+        states[signal.tls] = state_at(signal, trace, k, frame)
     return states

@@ -103,7 +103,7 @@ def _simple(premise: m.Condition, conclusion: m.Condition) -> bool:
     if isinstance(premise, m.Not) and isinstance(conclusion, m.Not):
         return _simple(conclusion.condition, premise.condition)
     if isinstance(premise, m.Comparison) and isinstance(conclusion, m.Comparison):
-        return _tighter(premise, conclusion)
+        return implies_comparison(premise, conclusion)
     if isinstance(premise, m.Sustained):
         if not isinstance(conclusion, m.Sustained):
             return _follows(premise.condition, conclusion)
@@ -119,7 +119,7 @@ def _simple(premise: m.Condition, conclusion: m.Condition) -> bool:
     return premise == conclusion
 
 
-def _tighter(premise: m.Comparison, conclusion: m.Comparison) -> bool:
+def implies_comparison(premise: m.Comparison, conclusion: m.Comparison) -> bool:
     """Return whether one comparison implies another: `ttc(a, b) > 2 s` implies `ttc(a, b) >= 1 s`."""
     if premise.left != conclusion.left or premise.op[0] != conclusion.op[0]:
         return False

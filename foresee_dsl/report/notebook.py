@@ -72,11 +72,6 @@ class Finding(FindingEntry):
         """Return how many runs fail if the driver is not deterministic: `7/10`; "" if it is."""
         return self.record.rate or ""
 
-    @property
-    def short_title(self) -> str:
-        """Return the story in at most twelve words; "" if there is none, as in a campaign of an older version."""
-        return self.record.title
-
     def playback(self) -> Playback:
         """Return the finding's part of the report, with its playback."""
         contents = Contents(self.name, self.title, f"driver {self.driver}", (self,), ())

@@ -7,7 +7,7 @@ from types import ModuleType
 
 from foresee_dsl.compile.bundle import Signal, SumoBundle
 from foresee_dsl.drivers.protocol import SignalColour
-from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.trace import STEP_S, Trace
 
 COLOURS: Mapping[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
 
@@ -15,6 +15,13 @@ COLOURS: Mapping[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y"
 def colour_shown(state: str, link: int) -> SignalColour:
     """Return the colour of one link of a signal with this state string."""
     return COLOURS.get(state[link], "off")
+
+
+def state_at(signal: Signal, trace: Trace, column: int, frame: int) -> str:
+    """Return the state string of a signal at a frame of a trace; `column`: the signal's index in `trace.signals`."""
+    stage = trace.signal_stages[column][trace.stages[frame, column]]
+    phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, column]))
+    return signal.phases[phase].state
 
 
 class Signals:

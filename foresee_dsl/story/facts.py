@@ -24,7 +24,7 @@ from foresee_dsl.simulate.results.goal import GoalSeries
 from foresee_dsl.simulate.results.infraction import Infraction, infractions_in
 from foresee_dsl.simulate.results.outcome import contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.signals import COLOURS
+from foresee_dsl.simulate.signals import COLOURS, state_at
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 from foresee_dsl.simulate.waiting import WayAhead
 
@@ -244,9 +244,8 @@ class Facts:
         if signal is None or movement.link < 0 or signal.junction not in self.trace.signals:
             return ""
         k = self.trace.signals.index(signal.junction)
-        stage = self.trace.signal_stages[k][int(self.trace.stages[frame, k])]
-        phase = signal.phases[signal.phase_at(stage, float(self.trace.elapsed[frame, k]))[0]]
-        return COLOURS.get(phase.state[movement.link], "") if movement.link < len(phase.state) else ""
+        state = state_at(signal, self.trace, k, frame)
+        return COLOURS.get(state[movement.link], "") if movement.link < len(state) else ""
 
     def way_ahead(self, frame: int) -> WayAhead:
         """Return what is ahead of the ego at a frame."""

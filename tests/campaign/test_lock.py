@@ -23,7 +23,7 @@ _HOLD = """
 import sys, time
 from pathlib import Path
 from foresee_dsl.campaign.storage.lock import only_writer
-with only_writer(Path(sys.argv[1]), "--out"):
+with only_writer(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)
 """
@@ -65,8 +65,8 @@ def test_one_process_may_ask_again_and_lets_go_also_when_something_raises(tmp_pa
                 return True
             return False
 
-    with pytest.raises(ValueError, match="broken"), only_writer(tmp_path / "out", "--out"):
-        with only_writer(tmp_path / "project" / ".." / "out", "--out"):
+    with pytest.raises(ValueError, match="broken"), only_writer(tmp_path / "out"):
+        with only_writer(tmp_path / "project" / ".." / "out"):
             assert locked()
         assert locked()
         raise ValueError("broken")
@@ -76,7 +76,7 @@ def test_one_process_may_ask_again_and_lets_go_also_when_something_raises(tmp_pa
 def test_others_may_lock_a_shared_folder_as_far_as_the_umask_allows(tmp_path: Path) -> None:
     before = os.umask(0o002)
     try:
-        with only_writer(tmp_path, "--out"):
+        with only_writer(tmp_path):
             assert (tmp_path / ".lock").stat().st_mode & 0o777 == 0o664
     finally:
         os.umask(before)
@@ -104,5 +104,5 @@ def test_a_file_system_without_locks_is_said(tmp_path: Path, monkeypatch: pytest
         raise OSError(95, "Operation not supported")
 
     monkeypatch.setattr(fcntl, "flock", no_locks)
-    with pytest.raises(ForeseeError, match=r"Operation not supported.*--out"), only_writer(tmp_path, "--out"):
+    with pytest.raises(ForeseeError, match=r"Operation not supported.*--out"), only_writer(tmp_path):
         pass

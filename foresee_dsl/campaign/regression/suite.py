@@ -165,12 +165,8 @@ class IndexRow:
     expected: tuple[str, ...]
 
 
-def write_index(folder: Path, tests: Iterable[Path]) -> bool:
-    """Write the index of a suite's tests into its `README.md`; text outside of the marks is unchanged.
-
-    Returns:
-        True if the file has changed.
-    """
+def write_index(folder: Path, tests: Iterable[Path]) -> None:
+    """Write the index of a suite's tests into its `README.md`; text outside of the marks is unchanged."""
     file = folder / INDEX
     rows = [_row(folder, test) for test in tests]
     environment = templates("regression").overlay()
@@ -185,7 +181,6 @@ def write_index(folder: Path, tests: Iterable[Path]) -> bool:
         new = f"{old.rstrip()}\n\n{part}" if old.strip() else _TITLE + part
     if new != old:
         write_whole(file, new)
-    return new != old
 
 
 def _row(folder: Path, test: Path) -> IndexRow:

@@ -83,11 +83,10 @@ _REQUESTS: Counter[Path] = Counter()
 
 
 @contextlib.contextmanager
-def only_writer(folder: Path, option: str) -> Iterator[None]:
+def only_writer(folder: Path) -> Iterator[None]:
     """Let no other process write results into a folder inside this context; nested use in this process is allowed.
 
-    Args:
-        folder: created if missing. option: the option that names another folder, for messages.
+    The folder, which the commands' option `--out` names, is created if missing.
 
     Raises:
         ForeseeError: another process writes to it (the message says which, and since when), or it cannot be locked.
@@ -102,11 +101,11 @@ def only_writer(folder: Path, option: str) -> Iterator[None]:
             if err.holder:
                 raise ForeseeError(
                     f"another campaign ({err.holder}) writes its results into {folder}: wait for it, or choose another "
-                    f"folder with {option}"
+                    "folder with --out"
                 ) from None
             raise ForeseeError(
                 f"the folder {folder} cannot be locked ({err.cause}): is it on a network drive without locks? Name "
-                f"another folder with {option}"
+                "another folder with --out"
             ) from err
     _REQUESTS[whole] += 1
     try:

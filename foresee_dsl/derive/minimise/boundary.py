@@ -159,15 +159,18 @@ def _boundaries(trials: Trials, whole: TrialCandidate, reduced: TrialCandidate) 
 
 
 def _runs_of(trials: Trials, reduced: TrialCandidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
-    """Yield the values of one change that were run.
+    """Yield the values of one change that were run in the candidate's clip or in one from which it was reduced.
 
-    Those of the candidate's own clip come last, so that they replace others.
+    A run without an actor that the candidate's clip needs says nothing about the value. The runs of the candidate's
+    own clip come last, so that they replace others.
     """
     own, change = [], reduced.changes[index]
     for candidate, trial in trials.finished():
         there = next((c for c in candidate.changes if _same_place(c, change)), None)
         grid = grid_of(there) if there is not None else None
-        if grid is None or trial.verdict is None or _others(candidate, grid.change) != _others(reduced, change):
+        if grid is None or trial.verdict is None or not candidate.has_clip_of(reduced):
+            continue
+        if _others(candidate, grid.change) != _others(reduced, change):
             continue
         if replace(candidate, changes=()) == replace(reduced, changes=()):
             own.append((grid.now, trial))

@@ -17,7 +17,7 @@ from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.changes import value_of
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
-from foresee_dsl.language.traversal import mentioned
+from foresee_dsl.language.traversal import mentioned, si_of
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 
@@ -38,6 +38,16 @@ class TrialCandidate:
     actors: frozenset[str] = frozenset()
     signals: frozenset[str] = frozenset()
     triggers: frozenset[int] = frozenset()
+
+    def has_clip_of(self, other: TrialCandidate) -> bool:
+        """Return whether this candidate's clip has all that another one's clip has, and perhaps more."""
+        return (
+            self.first <= other.first
+            and self.last >= other.last
+            and self.actors <= other.actors
+            and self.signals <= other.signals
+            and self.triggers <= other.triggers
+        )
 
 
 @dataclass(frozen=True)
@@ -60,7 +70,7 @@ class Subject:
     def whole(self) -> TrialCandidate:
         """Return the unreduced mutant as a candidate."""
         window = next(item for item in self.clip.body if isinstance(item, m.Window))
-        first, last = (round(_si(value) / STEP_S) for value in (window.start, window.end))
+        first, last = (round(si_of(value) / STEP_S) for value in (window.start, window.end))
         return TrialCandidate(first, last, self.mutant.changes)
 
     @property
@@ -124,7 +134,7 @@ class Subject:
     @property
     def _handover_s(self) -> float:
         ego = next(item for item in self.clip.body if isinstance(item, m.Ego))
-        return max((_si(item.time) for item in ego.body if isinstance(item, m.Recorded)), default=0.0)
+        return max((si_of(item.time) for item in ego.body if isinstance(item, m.Recorded)), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -225,9 +235,3 @@ def _present(clip: m.Clip, change: m.Change) -> object:
     actors = (item for item in clip.body if isinstance(item, m.Ego | m.Actor))
     actor = next((item for item in actors if item.name == change.actor), None)
     return value_of(actor, change.property) if actor is not None else None
-
-
-def _si(value: object) -> float:
-    if not isinstance(value, m.Quantity):
-        raise TypeError("a clip must have no parameters")
-    return value.si

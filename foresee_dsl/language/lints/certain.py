@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.arithmetic import interval_of_param
-from foresee_dsl.language.logic import holds_for_some, negated
+from foresee_dsl.language.logic import holds_for_some, implies_comparison, negated
 from foresee_dsl.language.printer import value_text, written
 
 _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
@@ -251,7 +251,7 @@ def _exclude(left: m.Condition, right: m.Condition) -> bool:
         return inner == outer
     first, second = _compared(left), _compared(right)
     if first is not None and second is not None:
-        return first.left == second.left and _apart(first, second)
+        return implies_comparison(first, negated(second))
     if isinstance(left, m.Shows) and isinstance(right, m.Shows):
         same = (left.actor, left.junction) == (right.actor, right.junction)
         return same and left.state != right.state and isinstance(left.state, str) and isinstance(right.state, str)
@@ -275,11 +275,3 @@ def _compared(condition: m.Condition) -> m.Comparison | None:
     if not isinstance(condition, m.Comparison) or not isinstance(condition.right, m.Quantity):
         return None
     return condition if isinstance(condition.left, m.Measure) else None
-
-
-def _apart(left: m.Comparison, right: m.Comparison) -> bool:
-    upper, lower = (left, right) if left.op[0] == "<" else (right, left)
-    top, bottom = upper.right, lower.right
-    if upper.op[0] == lower.op[0] or not isinstance(top, m.Quantity) or not isinstance(bottom, m.Quantity):
-        return False
-    return top.si < bottom.si or (top.si == bottom.si and (upper.op, lower.op) != ("<=", ">="))

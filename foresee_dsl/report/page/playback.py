@@ -25,7 +25,7 @@ from foresee_dsl.simulate.results.criticality import Measure, criticality
 from foresee_dsl.simulate.results.infraction import infractions_in
 from foresee_dsl.simulate.results.near_misses import times_between
 from foresee_dsl.simulate.sensing.sight import sight_of
-from foresee_dsl.simulate.signals import colour_shown
+from foresee_dsl.simulate.signals import colour_shown, state_at
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 NEAR_M = 90.0
@@ -302,20 +302,9 @@ def signal_heads(trace: Trace, bundle: SumoBundle, frames: NDArray[np.int64]) ->
             continue
         if np.nanmin(np.hypot(track[:, 0] - place.x, track[:, 1] - place.y)) > SIGNALS_NEAR_M:
             continue
-        states = _states(trace, column, signal, frames)
+        states = [state_at(signal, trace, column, frame) for frame in frames]
         heads += [{"at": line(at), "colours": _changes(states, link)} for at, link in _places(bundle.network, signal)]
     return heads
-
-
-def _states(trace: Trace, column: int, signal: Signal, frames: NDArray[np.int64]) -> list[str]:
-    """Return SUMO's state string of a signal at each frame."""
-    names = trace.signal_stages[column]
-    states = []
-    for frame in frames:
-        stage = names[trace.stages[frame, column]]
-        phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, column]))
-        states.append(signal.phases[phase].state)
-    return states
 
 
 def _changes(states: list[str], link: int) -> list[int | str]:

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import absolute, write_whole
+from foresee_dsl.files import absolute, stamp_of, write_whole
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.report.drawing.svg import svg_of
 from foresee_dsl.report.picture.draw import answer, draw, page_of
@@ -45,7 +45,7 @@ class WatchedFile:
 
     def state(self) -> tuple[tuple[int, int] | None, ...]:
         """Return the modification times and sizes of the files, which change when a file is saved."""
-        return tuple(_stamp(file) for file in (self.file, *self._files))
+        return tuple(stamp_of(file) for file in (self.file, *self._files))
 
     def answer(self, case: str, width: float, *, whole: bool) -> dict[str, Any]:
         """Return the picture of the current files, computed once for each combination of arguments."""
@@ -104,14 +104,6 @@ def _rewrite(watched: WatchedFile, address: str, svg: Path, allow_outside: bool,
             else:
                 say(f"wrote {svg}")
         time.sleep(_LOOK_S)
-
-
-def _stamp(file: Path) -> tuple[int, int] | None:
-    try:
-        status = file.stat()
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size
 
 
 def _handler(watched: WatchedFile, token: str) -> type[BaseHTTPRequestHandler]:

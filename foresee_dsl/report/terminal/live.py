@@ -133,7 +133,7 @@ class TimeLeft(Listener):
             expected = of_kind.get(above, 0.0)
             if above:
                 seen = self.finished[above]
-                # Runs above that have just ended are not planned on yet; without any plan, all of them may be of that kind.
+                # What follows from a run is planned after it has ended; until any is, all runs above may lead to some.
                 ahead = max(0.0, expected - seen) if self.total[kind] else expected
                 each = (self.total[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:

@@ -30,7 +30,7 @@ from foresee_dsl.simulate.actors.states import SimulatedActor, StateTable
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.verdict import Nearest, UnfiredTrigger
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
-from foresee_dsl.simulate.signals import colour_shown
+from foresee_dsl.simulate.signals import colour_shown, state_at
 from foresee_dsl.simulate.trace import STEP_S, Trace, X
 from foresee_dsl.simulate.trigger_record import Place
 from foresee_dsl.simulate.triggers.condition_history import Watch
@@ -229,10 +229,8 @@ class _RecordedSignals:
 
     def state(self, tls: str) -> str:
         """Return the state string of a signal."""
-        signal = self._columns[tls][0]
-        stage, elapsed_s = self.stage(tls)
-        phase, _ = signal.phase_at(signal.stages[stage], elapsed_s)
-        return signal.phases[phase].state
+        signal, column = self._columns[tls]
+        return state_at(signal, self._trace, column, self.frame)
 
     def colour(self, tls: str, link: int) -> SignalColour:
         """Return the colour of one link of a signal."""

@@ -100,7 +100,7 @@ def fuzz(
         raise InputError(mistakes)
     settings = FuzzSettings(driver, cycles, mutations, seed, together)
     with ExitStack() as stack:
-        stack.enter_context(only_writer(out, "--out"))
+        stack.enter_context(only_writer(out))
         kept = stack.enter_context(Store(store or out / "store"))
         listeners = [] if quiet else [stack.enter_context(FuzzProgress(console(error=True)))]
         stack.enter_context(stop.listening())

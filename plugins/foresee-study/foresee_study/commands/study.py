@@ -276,7 +276,7 @@ def _run(
     for note in notes:
         say(note)
     with ExitStack() as stack:
-        stack.enter_context(only_writer(folder.at, "--out"))
+        stack.enter_context(only_writer(folder.at))
         # Written early, so that the finished part of a study that is killed can be reported.
         folder.noted(settings, {}, notes)
         opened = stack.enter_context(Store(store))

@@ -21,6 +21,9 @@ OURS = "reach"
 """The ranker with which all others are compared."""
 DEFAULT = "the default"
 """The technique in the table of the default search."""
+_ROUNDING_S = 1e-6
+"""A run that ends this long after the time to which a campaign is cut, s, still fits into it: times are sums of floats.
+"""
 Techniques = dict[str, tuple[MeasuredCampaign, ...]]
 """The repetitions of each ranker and search with one driver."""
 
@@ -90,19 +93,20 @@ def _others(results: Results, driver: str) -> dict[str, list[MeasuredCampaign]]:
 
 
 def within(measured: MeasuredCampaign, simulated_s: float) -> MeasuredCampaign:
-    """Return the part of a campaign that fits into a simulated time, in the order of its runs: rank by rank."""
+    """Return the part of a campaign that fits into a simulated time, in the order of its runs: rank by rank, and test
+    cases of a rank by name."""
     kept: defaultdict[str, list[MeasuredClip]] = defaultdict(list)
     ordered = sorted(
         ((clip.position, k, case.name, clip) for k, case in enumerate(measured.usable) for clip in case.clips),
         key=lambda entry: entry[:2],
     )
     for _, _, name, clip in ordered:
-        if clip.simulated_s > simulated_s:
+        if clip.simulated_s > simulated_s + _ROUNDING_S:
             break
         simulated_s -= clip.simulated_s
         count = 0
         for child in clip.children:
-            if child.simulated_s > simulated_s:
+            if child.simulated_s > simulated_s + _ROUNDING_S:
                 break
             simulated_s -= child.simulated_s
             count += 1
