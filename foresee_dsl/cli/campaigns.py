@@ -138,7 +138,7 @@ def campaign(
             profiler.profile, [s.driver for s in request.settings], workers=flags.jobs, not_measured=stored.count
         )
     )
-    _report(results, report, format_, junit, raw=raw, profile=spent)
+    _report(results, report, format_, junit, store=flags.store_folder, raw=raw, profile=spent)
     screen = console(error=format_ not in PEOPLE)
     _pages([folder for folder, _ in results], flags.out, screen)
     if spent is not None:
@@ -213,6 +213,7 @@ def _report(
     form: str,
     junit: Path | None,
     *,
+    store: Path,
     raw: bool,
     profile: Callable[[], Profile] | None,
 ) -> None:
@@ -230,7 +231,7 @@ def _report(
 
     def people(screen: Console) -> None:
         for folder, result in results:
-            print_campaign(screen, result, folder, raw=raw)
+            print_campaign(screen, result, folder, store, raw=raw)
 
     def data() -> str:
         more = {"profile": plain(profile())} if profile is not None else {}
@@ -259,7 +260,7 @@ def _report(
     )
     if file is not None:
         for folder, result in results:
-            save_campaign(file, result, folder)
+            save_campaign(file, result, folder, store)
 
 
 def _several(results: list[tuple[Path, CampaignResult]], more: Mapping[str, Any]) -> str:

@@ -74,7 +74,10 @@ def test_each_finding_has_a_folder_with_its_minimised_files(done: Path, names: l
         assert raw.mutant is not None and case.mutant is not None and case.clip is not None
         assert len(case.mutant.changes) == small["changes"]["now"] <= len(raw.mutant.changes)
         assert case.mutant.origin is not None and case.mutant.origin.minimised
-        assert small["clip_lines"]["now"] == (out / small["clip"]).read_text().count("\n")
+        clips = (out / finding["file"]).parent / raw.mutant.parent, out / small["clip"]
+        assert small["clip_lines"] == {
+            key: clip.read_text().count("\n") for key, clip in zip(("before", "now"), clips, strict=True)
+        }
         # The time is another one, as the clip begins later; the kind and the actor are the same.
         assert small["reason"].partition(" at ")[0] == case.mutant.origin.found.partition(" at ")[0]  # type: ignore[union-attr]
         assert (out / small["file"]).with_suffix(".npz").is_file()

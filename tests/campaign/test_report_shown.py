@@ -16,6 +16,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.written import JSON, WrittenCampaign
+from foresee_dsl.drivers.registry import reference_drivers
 from foresee_dsl.report.terminal.campaign import REPEATED, SCREEN_LINES, print_campaign, print_findings
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
@@ -51,7 +52,7 @@ def test_late_and_hanging_test_cases_are_counted_first() -> None:
 
 def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> None:
     near = NearMisses(NearMiss(0.31, 4.35, "walker\x1b[0m"), None, None, None)
-    settings = CampaignSettings(before_s=3.0, seed=7)
+    settings = CampaignSettings(before_s=3.0, seed=7, against=reference_drivers("pdm"))
     text = shown(CampaignResult(settings, (replace(PASSED, near=near),), (), 1.0))
     assert "0.31 m from walker\\x1b[0m at 4.35 s  a.foresee::r01" in text
     begins, chosen = "foresee campaign a.foresee::r01 --driver pdm --out out", "--before 3 --seed 7"
@@ -64,9 +65,27 @@ def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> 
     assert f"{begins} --preset paper {chosen} --repeat 2   # other mutations" in text
 
 
+def test_a_suggested_command_repeats_the_store_and_the_reference_drivers_and_derives_something() -> None:
+    settings = CampaignSettings(against=(), children=0)
+    console = Console(record=True, width=300, file=io.StringIO())
+    print_campaign(console, CampaignResult(settings, (PASSED,), (), 1.0), Path("out"), Path("kept"))
+    text = console.export_text()
+    begins = "foresee campaign a.foresee::r01 --driver pdm --out out --store kept"
+    assert f"{begins} --against none --risky-points 6 --children 4   # more points, more children" in text
+    assert "other mutations" not in text, "nothing is mutated"
+    settings = CampaignSettings(against=("idm", "a,b"))
+    text = shown(CampaignResult(settings, (PASSED,), (), 1.0))
+    assert """--out out --against 'idm,"a,b"' --risky-points""" in text
+
+
+def test_an_interrupted_campaign_without_failures_promises_nothing() -> None:
+    text = shown(CampaignResult(CampaignSettings(), (PASSED,), (), 1.0, interrupted=True))
+    assert "no failures" not in text and "What to try next" not in text and "was interrupted" in text
+
+
 def test_a_suggested_command_repeats_every_setting() -> None:
     names = {field.name for field in fields(CampaignSettings)}
-    assert names - {"driver", "against", "fidelity_limit_m"} == set(REPEATED)
+    assert names - {"driver", "fidelity_limit_m"} == set(REPEATED)
 
 
 def test_paths_stay_whole_on_a_narrow_terminal() -> None:

@@ -62,7 +62,7 @@ _BEFORE: Mapping[How, str] = {
     How.WEAKER: "weaker than a child, ",
     How.EARLIER: "",
 }
-SEARCHED_WAY = DrawMethod(("searched",))
+SEARCHED_WAY = DrawMethod(("the preset's search",))
 """The way of the mutants that the preset's search proposes, one after the other."""
 EARLIER_WAY = DrawMethod(("earlier campaigns",), How.EARLIER)
 

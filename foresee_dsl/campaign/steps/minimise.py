@@ -18,7 +18,7 @@ from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import TrialJudge
 from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.model import Actor, Clip, Mutant
+from foresee_dsl.language.model import Actor, Clip, Fidelity, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.measuring import Part
@@ -96,7 +96,7 @@ def minimised(subject: Subject, setup: DriverSetup, *, limit_m: float, budget: i
         boundaries=smaller.boundaries,
         changes=Reduced(len(subject.mutant.changes), len(smaller.mutant.changes)),
         actors=Reduced(_actors(before), _actors(smaller.clip)),
-        clip_lines=Reduced(print_model(before).count("\n"), print_model(smaller.clip).count("\n")),
+        clip_lines=Reduced(_lines(before, smaller.clip), _lines(smaller.clip)),
         runs=smaller.runs,
         complete=smaller.complete,
         note="; ".join(note for note in notes if note),
@@ -110,6 +110,13 @@ def _as_found(child: ChildOutcome, clip: Clip, note: str) -> Minimised:
     lines = text.count("\n")
     return Minimised(child, clip.name, text, changes=Reduced(changes, changes), actors=Reduced(actors, actors),
                      clip_lines=Reduced(lines, lines), complete=False, note=note)  # fmt: skip
+
+
+def _lines(clip: Clip, smaller: Clip | None = None) -> int:
+    """Return the number of lines of a clip's file; a clip that was not run yet will have a `fidelity` line if `smaller`
+    has one."""
+    measured = smaller.all(Fidelity)[:1] if smaller is not None and not clip.all(Fidelity) else ()
+    return print_model(clip.model_copy(update={"body": (*clip.body, *measured)})).count("\n")
 
 
 def _actors(clip: Clip) -> int:

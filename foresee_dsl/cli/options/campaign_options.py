@@ -276,16 +276,17 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     from foresee_dsl.errors import ForeseeError
 
     values = dict(flags.settings)
+    sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
+    on_command_line = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+    for name in ("goal", "first_from"):
+        if name in on_command_line and not values[name]:
+            raise typer.BadParameter("it is empty: name one, or leave the option out", param_hint=_typed(name))
     drivers: tuple[str, ...] = (values["driver"],)
     rankers: tuple[str, ...] = (values["ranker"],)
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
             raise ForeseeError("a campaign file names its own test cases, so no other path can be given beside it")
         file = read_campaign(Path(paths[0]), allow_outside=flags.allow_outside)
-        sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
-        on_command_line = {
-            name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"
-        }
         (named_in,), paths = paths, list(file.paths)
         drivers = file.drivers if file.drivers and "driver" not in on_command_line else drivers
         for option, names, what in (
@@ -341,7 +342,12 @@ def _refuse_other_words(values: Mapping[str, Any]) -> None:
         words = get_args(kind) if get_origin(kind) is Literal else ()
         if words and values[name] not in words:
             message = f"{values[name]!r} is not one of: {', '.join(words)}"
-            raise typer.BadParameter(message, param_hint=f"--{option_name(name).replace('_', '-')}")
+            raise typer.BadParameter(message, param_hint=_typed(option_name(name)))
+
+
+def _typed(option: str) -> str:
+    """Return an option as one types it: `--first-from`."""
+    return f"--{option.replace('_', '-')}"
 
 
 def _references(names: str | tuple[str, ...] | None, driver: str) -> tuple[str, ...]:

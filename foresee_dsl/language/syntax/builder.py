@@ -96,7 +96,7 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> Diagnos
         case "too_short":
             least = limits.get("min_length", 1)
             what = {"points": "places", "edges": "edges"}.get(field, field)
-            message = f"`{_what(node)}` needs at least {least} {what}"
+            message = f"`{_what(node)}` needs at least {least} {what if least > 1 else what.removesuffix('s')}"
             help: HelpText = f"write {least} or more, with " + write(",") + " between them"
             error = Diagnostic.of("FS014", message, help, span=place)
         case "string_too_long" | "string_too_short":

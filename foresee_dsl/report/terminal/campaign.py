@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.text import Text
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Whose
+from foresee_dsl.campaign.campaign_file import NOBODY
 from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome
@@ -26,7 +27,9 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.triage.standing import Standing, standing_of
 from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.derive.presets import preset
+from foresee_dsl.drivers.registry import reference_drivers
 from foresee_dsl.files import write_whole
+from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN
 from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.report.terminal.raw_numbers import raw_numbers
@@ -56,10 +59,10 @@ NAMED = 3
 screen."""
 
 
-def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
+def save_campaign(file: Path, result: CampaignResult, out: Path, store: Path | None = None) -> None:
     """Write the report to a file, as an SVG picture, HTML or plain text according to the file's suffix."""
     console = Console(record=True, width=100, file=io.StringIO(), highlight=False)
-    print_campaign(console, result, out, raw=True)
+    print_campaign(console, result, out, store, raw=True)
     texts = {
         ".svg": lambda: console.export_svg(title="foresee campaign"),
         ".html": lambda: console.export_html(inline_styles=True),
@@ -67,16 +70,19 @@ def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
     write_whole(file, texts.get(file.suffix, console.export_text)())
 
 
-def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: bool = False) -> None:
+def print_campaign(
+    console: Console, result: CampaignResult, out: Path, store: Path | None = None, *, raw: bool = False
+) -> None:
     """Print the report of a campaign on one screen: findings, what broke, what to type next, the summary last.
 
-    With `raw` also the raw numbers. Each path is on a line of its own, which is never wrapped.
+    With `raw` also the raw numbers. `store`: the folder of the stored results, None for the one in `out`. Each path is
+    on a line of its own, which is never wrapped.
     """
     standing, width = standing_of(result, out), _width(console)
     table = _Table.of(result.findings, standing, out)
     # A long table leaves room for only one example of what else went wrong.
     for named in (NAMED, 1):
-        end = list(_end(result, table, standing, out, named))
+        end = list(_end(result, table, standing, (out, store), named))
         room = SCREEN_LINES - RESERVED_LINES - sum(_height(line, width) for line in end)
         lines, whole = table.lines(width, max(room, LEAST_LINES))
         if whole and len(lines) <= room:
@@ -90,19 +96,23 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
             console.print(part)
 
 
-def _end(result: CampaignResult, table: _Table, standing: Standing, out: Path, named: int) -> Iterator[Text]:
+def _end(
+    result: CampaignResult, table: _Table, standing: Standing, folders: tuple[Path, Path | None], named: int
+) -> Iterator[Text]:
     """Yield the lines after the table.
 
-    `named`: maximum number of test cases, reasons or expectations that are named.
+    `folders`: the campaign's folder, and that of its store. `named`: maximum number of test cases, reasons or
+    expectations that are named.
     """
+    out, store = folders
     yield from _broken_lines(result, named)
     yield from _breaking_lines(result, named)
     yield from _others_lines(result, table.findings, out)
     yield from _changed_lines(result)
     if table.findings:
         yield from _next_lines(table.findings, out)
-    if not result.failed and not result.broken:
-        yield from _nearest_lines(result, out)
+    if not result.failed and not result.broken and not result.interrupted:
+        yield from _nearest_lines(result, out, store)
     yield Text()
     yield from _standing_lines(standing)
     yield from _summary(result, table.findings)
@@ -220,7 +230,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
                        style="bold yellow")  # fmt: skip
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
-    elif not result.failed and not result.broken:
+    elif not result.failed and not result.broken and not result.interrupted:
         yield Text("no failures", style="bold green")
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
@@ -350,7 +360,7 @@ def _changed_lines(result: CampaignResult) -> Iterator[Text]:
         yield Text(f"  ... and {len(changed) - NAMED} more changes of the driver's process", style="yellow")
 
 
-def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
+def _nearest_lines(result: CampaignResult, out: Path, store: Path | None) -> Iterator[Text]:
     """Yield the runs that came nearest to a failure, and the commands to try next."""
     runs: list[tuple[float, str, str]] = [(*_nearest(seed), seed.id) for seed in result.seeds if _passed(seed)]
     for clip in result.clips:
@@ -371,7 +381,9 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
         return
     folder = os.path.commonpath([Path(path).parent for path in paths]) or "."
     named = next((names for names in (cases, paths) if len(names) <= _NAMED_CASES), [folder])
-    again = shlex.join(["foresee", "campaign", *named, "--driver", settings.driver, "--out", str(out)])
+    elsewhere = store is not None and store != out / "store"
+    folders = ["--out", str(out), *(["--store", str(store)] if elsewhere else [])]
+    again = shlex.join(["foresee", "campaign", *named, "--driver", settings.driver, *folders])
     yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
     mutations = "paper" if settings.preset != "paper" else "focused"
@@ -380,18 +392,18 @@ def _nearest_lines(result: CampaignResult, out: Path) -> Iterator[Text]:
     if nothing:
         suggested["also what no driver can avoid"] = {"preset": "focused"}
     if result.clips or not nothing:
-        more = {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children}
+        more = {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children or DEFAULT_CHILDREN}
         suggested["more points, more children"] = dict(more)
     suggested["other moments"] = {"ranker": ranker}
-    suggested["other mutations"] = {"preset": mutations, "repeat": 2}
+    if settings.children:
+        suggested["other mutations"] = {"preset": mutations, "repeat": 2}
     for why, other in suggested.items():
         yield _path("    ", f"{again}{_options(settings, other)}   # {why}")
 
 
 REPEATED = ("ranker", "preset", "before_s", "after_s", "handover_s", "seed", "allocation", "rules", "goal",
-            "first_from", "risky_points", "children", "repeat")  # fmt: skip
-"""Settings that a suggested command repeats if they differ from their defaults. The driver is always named; the
-default of the reference drivers depends on the driver, so they are not repeated."""
+            "first_from", "against", "risky_points", "children", "repeat")  # fmt: skip
+"""Settings that a suggested command repeats if they differ from their defaults. The driver is always named."""
 _NAMED_CASES = 3
 """Maximum number of test cases, or of files, that a suggested command names one by one."""
 
@@ -399,13 +411,20 @@ _NAMED_CASES = 3
 def _options(settings: CampaignSettings, other: Mapping[str, str | int]) -> str:
     """Return the options of a campaign with some `other` settings, each that differs from its default."""
     defaults = {field.name: field.default for field in fields(settings)}
+    defaults["against"] = reference_drivers(settings.driver)
     chosen = {name: other.get(name, getattr(settings, name)) for name in REPEATED}
     return "".join(
-        f" --{name.removesuffix('_s').replace('_', '-')} "
-        + (f"{value:g}" if isinstance(value, float) else shlex.quote(str(value)))
+        f" --{name.removesuffix('_s').replace('_', '-')} " + _option_text(value)
         for name, value in chosen.items()
         if name in other or value != defaults[name]
     )
+
+
+def _option_text(value: object) -> str:
+    """Return the value of an option as one types it; a name with a comma is in double quotes, and `none` stands for an empty list."""
+    if isinstance(value, tuple):
+        return shlex.quote(",".join(f'"{name}"' if "," in name else name for name in value) or NOBODY)
+    return f"{value:g}" if isinstance(value, float) else shlex.quote(str(value))
 
 
 def _nearest(run: CaseRunOutcome | ChildOutcome) -> tuple[float, str]:
