@@ -421,7 +421,7 @@ def _options(settings: CampaignSettings, other: Mapping[str, str | int]) -> str:
 
 
 def _option_text(value: object) -> str:
-    """Return the value of an option as one types it; a name with a comma is in double quotes, and `none` stands for an empty list."""
+    """Return the value of an option as one types it: a name with a comma in double quotes, `none` for an empty list."""
     if isinstance(value, tuple):
         return shlex.quote(",".join(f'"{name}"' if "," in name else name for name in value) or NOBODY)
     return f"{value:g}" if isinstance(value, float) else shlex.quote(str(value))
