@@ -102,6 +102,8 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
                 nobody = isinstance(item, m.Against) and item.names == (NOBODY,)
                 if plain not in installed and not nobody:
                     message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, installed)
+                    if isinstance(item, m.Against) and plain == NOBODY:
+                        message, help_ = f"`{NOBODY}` stands beside drivers", f"remove it, or write only `{NOBODY}`"
                     yield document.diagnostic(item, f"names.{k}", "FS058", message, help_)
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
             message, help_ = f"there is no preset '{item.name}'", did_you_mean(item.name, PRESETS)

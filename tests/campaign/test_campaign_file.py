@@ -84,6 +84,7 @@ def test_addresses_and_several_lines(project: Path) -> None:
     [
         ("drivers [idm]", "drivers [idn]", "FS058", "did you mean 'idm'?"),
         ("drivers [idm]", "rankers [forsee]", "FS058", "did you mean 'foresee'?"),
+        ("drivers [idm]", "against [none, idm]", "FS058", "remove it, or write only `none`"),
         ("drivers [idm]", "preset focussed", "FS058", "did you mean 'focused'?"),
         ("drivers [idm]", "drivers [idm, idm]", "FS013", "keep one"),
         ('seeds "**"', 'seeds "none/**"', "FS059", "begin at this file's own folder"),
