@@ -174,13 +174,20 @@ class Mutator:
             operator=names,
             preset=self._preset.name,
             seed=Quantity(value=Decimal(seed)),
-            why=self._clip.risk.text if self._proposed and self._clip.risk else None,
+            why=self._why(names),
             tool=__version__,
             driver=driver or None,
             goal=self._goal or None,
         )
         name = self._clip.name
         return Mutant(name=f"{name}_m", parent=f"{name}.foresee", pin=self._pin, body=(*changes, origin))
+
+    def _why(self, names: Sequence[str]) -> str | None:
+        """Return the proposal of the risky point for a mutant of these operators; None if the point makes none."""
+        if not self._proposed or self._clip.risk is None:
+            return None
+        text = self._clip.risk.text
+        return text if self._proposed in names else f"its clip was cut for another change: {text}"
 
     def _drawn(self, draw: Draw, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
         if draw.plan == SEARCHED:
