@@ -15,7 +15,7 @@ from foresee_dsl.simulate.signals import colour_shown
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 EVERY_S = 0.5
-"""Time between two pictures, s: 2 a second, as in the paper's training data (section 4.3.2)."""
+"""Time between two pictures, s: 2 a second, as in the paper's training data (section 4.3.1)."""
 ROWS, COLUMNS = 80, 160
 """Size of SelfOracle's pictures (its `IMAGE_HEIGHT`, `IMAGE_WIDTH`)."""
 CLASSES = len(FORWARD_CHANNELS)

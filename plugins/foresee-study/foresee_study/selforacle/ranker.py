@@ -40,7 +40,7 @@ class SelfOracleSettings:
 
 @dataclass(frozen=True)
 class SelfOracleRanker:
-    """Ranks the segments above the threshold, the largest error first (paper, section 4.3.2); the point is a segment's
+    """Ranks the segments above the threshold, the largest error first (paper, section 4.3.1); the point is a segment's
     middle.
 
     A segment below the threshold counts as nominal and gives no risky point, so there are as many points as alarms.

@@ -39,7 +39,7 @@ def _by_kind(results: Results) -> Table:
         rows += family_rows(driver, results.families, lines)
         sums.append(tuple(map(total, zip(*lines, strict=True))))
     if sum(any(value is not None for value in line) for line in sums) > 1:
-        rows.append(Row("Total", tuple(map(total, zip(*sums, strict=True))), RowKind.SUM))
+        rows += section("all drivers", [Row("Total", tuple(map(total, zip(*sums, strict=True))), RowKind.SUM)])
     notes = (
         "#TCs: children of foresee's clips. F1 to F5: collisions with objects beside the road, with pedestrians, and "
         "frontal, lateral and rear collisions with vehicles; Σ: all of them. Means of the repetitions.",
