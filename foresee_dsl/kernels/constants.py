@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 STEP_S = 0.05
-"""Length of a simulation step, s: 20 frames a second, as in the paper (section 4.2)."""
+"""Length of a simulation step, s: 20 frames a second, as the images in the paper (section 4.3.1)."""
 STANDS_MPS = 0.1
 """Speed below which an actor counts as standing, m/s: SUMO's threshold for a halting vehicle."""
 GRAVITY_MPS2 = 9.81

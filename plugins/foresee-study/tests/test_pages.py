@@ -115,8 +115,8 @@ def test_the_method_counts_avoidable_findings_of_each_ranker_in_each_test_case(
         for found in campaigns:
             older = in_each_case(found)
             present = again.of_campaign(driver, found[0].ranker, preset="paper") if found else ()
-            text = f"({older})" if driver != "frenetix" else f"{older}"
-            cells.append(f"{in_each_case(present)} {text}" if present else text if found else "no weights")
+            before = f"({older})" if driver != "frenetix" else f"{older}"
+            cells.append(f"{in_each_case(present)} {before}" if present else before if found else "no weights")
         assert f"| `{driver}` | {len(campaigns[0])} | {' | '.join(cells)} |" in text
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import gamma
 
 QUANTILE = 0.95
-"""The paper's, section 4.3.2: one segment in twenty is a false alarm on nominal driving."""
+"""The paper's, section 4.3.1: one segment in twenty is a false alarm on nominal driving."""
 HELD_OUT = 10
 """Rides whose seed is a multiple of this were not trained on."""
 NETWORKS = {"selforacle": "thin", "selforacle_conv": "conv"}

@@ -26,7 +26,7 @@ from training.selforacle.packing import load
 from training.selforacle.shrink import polished, rounded, shrunk
 
 EPOCHS, LEARNING_RATE = 10, 0.001
-"""The paper's values, section 4.3.2, with Adam."""
+"""The paper's values, section 4.3.1, with Adam."""
 BATCH = 32
 """The default of the original's code."""
 SEED = 14
