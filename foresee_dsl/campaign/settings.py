@@ -58,7 +58,7 @@ class CampaignSettings:
     """Settings of a campaign.
 
     Clips of 10 s and four mutants per clip are the paper's best configuration (section 4.5, RQ1). The ranker `reach`
-    and the preset `avoidable` are ours: together they have 2.8 times as many findings in the same simulated time as
+    and the preset `avoidable` are ours: together they have 2.9 times as many findings in the same simulated time as
     the paper's ranker and preset (docs/background/study.md#the-default-search). Several drivers or rankers need several
     settings, which share their common runs in one store.
 

@@ -30,7 +30,7 @@ from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.playback import ego_way, shown_frames
 from foresee_dsl.report.page.running import EVERY_S, RunningPage
-from foresee_dsl.report.page.runs import FailingRun, Reader, RunOnPage
+from foresee_dsl.report.page.runs import FailingRun, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
 from foresee_dsl.report.show.panels import VIEW_S
@@ -496,7 +496,7 @@ def hostile_contents() -> Contents:
         name=HOSTILE, address=HOSTILE, record=JudgedRun(verdict=Verdict.F2, reason=HOSTILE, judgements=judgements),
         driver=HOSTILE, seed=0, trace=None,
     )  # fmt: skip
-    run = RunOnPage(
+    run = Run(
         outcome=outcome, id="", title=HOSTILE, moments=(Moment(1.0, HOSTILE, HOSTILE, HOSTILE),), label=HOSTILE,
         class_=HOSTILE, forecast=HOSTILE, changes=(HOSTILE,), unreduced=(HOSTILE,), note=HOSTILE,
         commands=((HOSTILE, HOSTILE),), missing=(HOSTILE,),

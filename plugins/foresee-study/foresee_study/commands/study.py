@@ -146,7 +146,7 @@ def study(
         list[Path] | None,
         typer.Option(
             help="For search and default: folder of a study with rankers and exhaustive searches of the same preset; "
-            "may be given several times.",
+            "may be given several times; of equal campaigns the first one counts.",
         ),
     ] = None,
     allocation: Annotated[
