@@ -174,7 +174,7 @@ class Mutator:
             operator=names,
             preset=self._preset.name,
             seed=Quantity(value=Decimal(seed)),
-            why=self._why(names),
+            why=self._why(names, changes),
             tool=__version__,
             driver=driver or None,
             goal=self._goal or None,
@@ -182,12 +182,12 @@ class Mutator:
         name = self._clip.name
         return Mutant(name=f"{name}_m", parent=f"{name}.foresee", pin=self._pin, body=(*changes, origin))
 
-    def _why(self, names: Sequence[str]) -> str | None:
-        """Return the proposal of the risky point for a mutant of these operators; None if the point makes none."""
-        if not self._proposed or self._clip.risk is None:
+    def _why(self, names: Sequence[str], changes: Sequence[Change]) -> str | None:
+        """Return the proposal of the risky point, and whether the mutant is another one; None if the point has none."""
+        if not self._proposed or (risk := self._clip.risk) is None:
             return None
-        text = self._clip.risk.text
-        return text if self._proposed in names else f"its clip was cut for another change: {text}"
+        same = self._proposed in names and any(change.actor == risk.actor for change in changes)
+        return risk.text if same else f"its clip was cut for another change: {risk.text}"
 
     def _drawn(self, draw: Draw, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
         if draw.plan == SEARCHED:

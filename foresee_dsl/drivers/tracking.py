@@ -101,7 +101,8 @@ class Tracks(NamedTuple):
     """The tracked road users at the current time; every array is [A].
 
     Attributes:
-        table: [A] `foresee_dsl.kernels.tracks.Track`s. numbers: their numbers in the object list. kinds: their classes.
+        table: [A] `foresee_dsl.kernels.tracks.TrackedObject`s. numbers: their numbers in the object list. kinds: their
+            classes.
         x, y, heading, speed, length, width, acceleration, yaw_rate, lost_s: the columns of `table`.
     """
 

@@ -276,7 +276,9 @@ def test_the_command_and_the_campaign_file_state_the_goal(tmp_path: Path) -> Non
     )
     done = command.foresee("plan", tmp_path / "search.foresee", "--out", tmp_path / "out", expect=1)
     assert "did you mean 'room'?" in done.stdout + done.stderr
-    done = command.foresee("plan", tmp_path / "search.foresee", "--goal", "", "--out", tmp_path / "out", expect=2)
-    assert "it is empty: name one, or leave the option out" in done.stderr
+    for option in ("--goal", "--first-from"):
+        done = command.foresee("plan", tmp_path / "crosser.foresee", option, "", "--out", tmp_path / "out", expect=2)
+        assert option in done.stderr and "it is empty: name one, or" in done.stderr
+    command.foresee("plan", tmp_path / "search.foresee", "--goal", "", "--out", tmp_path / "out")
     done = command.foresee("plan", tmp_path / "search.foresee", "--goal", "room", "--out", tmp_path / "out")
     assert "test cases" in done.stdout

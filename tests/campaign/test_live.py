@@ -89,6 +89,14 @@ def test_one_test_case_alone_is_not_the_whole_work() -> None:
     assert left.share > 0.8
 
 
+def test_test_cases_that_lead_to_nothing_are_nearly_all() -> None:
+    left = TimeLeft(CampaignSettings(), Clock())
+    left.planned("seed", 20)
+    for _ in range(20):
+        left.done(replace(row("seed"), wall_s=1.0), new=True)
+    assert 0.85 < left.share < 1.0
+
+
 def test_a_campaign_with_thousands_of_failures_is_not_said_to_make_each_of_them_smaller() -> None:
     """Like `make study`: 2,000 failures are some 80 findings; a line every ten seconds, not two a second."""
     clock = Clock()

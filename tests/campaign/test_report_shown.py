@@ -71,16 +71,19 @@ def test_a_suggested_command_repeats_the_store_and_the_reference_drivers_and_der
     print_campaign(console, CampaignResult(settings, (PASSED,), (), 1.0), Path("out"), Path("kept"))
     text = console.export_text()
     begins = "foresee campaign a.foresee::r01 --driver pdm --out out --store kept"
-    assert f"{begins} --against none --risky-points 6 --children 4   # more points, more children" in text
-    assert "other mutations" not in text, "nothing is mutated"
+    assert f"{begins} --against none --risky-points 6 --children 8   # more points, more children" in text
+    assert f"{begins} --ranker exhaustive --against none   # other moments" in text
+    assert "--children 0" not in text
     settings = CampaignSettings(against=("idm", "a,b"))
     text = shown(CampaignResult(settings, (PASSED,), (), 1.0))
     assert """--out out --against 'idm,"a,b"' --risky-points""" in text
 
 
 def test_an_interrupted_campaign_without_failures_promises_nothing() -> None:
-    text = shown(CampaignResult(CampaignSettings(), (PASSED,), (), 1.0, interrupted=True))
-    assert "no failures" not in text and "What to try next" not in text and "was interrupted" in text
+    near = NearMisses(NearMiss(0.31, 4.35, "walker"), None, None, None)
+    text = shown(CampaignResult(CampaignSettings(), (replace(PASSED, near=near),), (), 1.0, interrupted=True))
+    assert "no failures so far" in text and "0.31 m from walker" in text and "was interrupted" in text
+    assert "What to try next" not in text
 
 
 def test_a_suggested_command_repeats_every_setting() -> None:

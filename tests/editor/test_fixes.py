@@ -162,3 +162,27 @@ def test_a_fix_leaves_no_more_mistakes_of_one_name_behind() -> None:
         assert one.span is not None
         offered = fixes(one, one.span, text, check)
         assert [fix.title for fix in offered] == ["Write `2.5 s`"]
+
+
+def test_an_alternative_replaces_the_wrong_word_of_a_statement(tmp_path: Path) -> None:
+    """The marked text is the whole route or definition, in which one word is wrong."""
+    (tmp_path / "north_road.foresee").write_text(
+        "foresee 1\n\nnetwork north_road {\n  junction a at (0 m, 0 m)\n  junction b at (100 m, 0 m)\n"
+        "  junction c at (200 m, 0 m)\n  road north from a to b\n  road south from c to b\n}\n",
+        encoding="utf-8",
+    )
+    file = tmp_path / "wrong.foresee"
+    scenario = """foresee 1
+
+scenario wrong {
+  use network "north_road.foresee"
+  ego: car.sedan { route [north, south] }
+  expect never collision(ego)
+}
+"""
+    file.write_text(scenario, encoding="utf-8")
+    fixed = {applied(scenario, fix) for mistake in _of(file) for fix in mistake.offered}
+    assert scenario.replace("[north, south]", "[north, south_back]") in fixed
+    file.write_text("foresee 1\n\nxyzzy wrong {\n}\n", encoding="utf-8")
+    fixed = {applied(file.read_text(encoding="utf-8"), fix) for mistake in _of(file) for fix in mistake.offered}
+    assert "foresee 1\n\nmodels wrong {\n}\n" in fixed, "the only definition that may be empty"

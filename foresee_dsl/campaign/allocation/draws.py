@@ -62,7 +62,7 @@ _BEFORE: Mapping[How, str] = {
     How.WEAKER: "weaker than a child, ",
     How.EARLIER: "",
 }
-SEARCHED_WAY = DrawMethod(("the preset's search",))
+SEARCHED_WAY = DrawMethod(("searched",))
 """The way of the mutants that the preset's search proposes, one after the other."""
 EARLIER_WAY = DrawMethod(("earlier campaigns",), How.EARLIER)
 

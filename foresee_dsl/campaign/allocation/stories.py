@@ -14,7 +14,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, DrawMethod, DrawOption, PastChild, RoundBudget
+from foresee_dsl.campaign.allocation.draws import (
+    SEARCHED_WAY,
+    ClipDraws,
+    ClipGroup,
+    DrawMethod,
+    DrawOption,
+    PastChild,
+    RoundBudget,
+)
 from foresee_dsl.derive.mutate import How
 
 NEW_UNAVOIDED = 0.5
@@ -156,6 +164,7 @@ class Estimates:
         """Return the counts behind an arm's gain in words."""
         same, rank = self.failing["way", way], self.failing["rank", group.rank]
         operators, own = "+".join(way.operators), len(self.archive.by_clip.get(clip, ()))
+        operators = "the preset's search" if way.operators == SEARCHED_WAY.operators else operators
         by_way = (
             f"{same.successes:.0f} of {same.trials} children by {operators}" if same.trials else f"{operators} is new"
         )

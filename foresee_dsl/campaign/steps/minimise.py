@@ -113,8 +113,8 @@ def _as_found(child: ChildOutcome, clip: Clip, note: str) -> Minimised:
 
 
 def _lines(clip: Clip, smaller: Clip | None = None) -> int:
-    """Return the number of lines of a clip's file; a clip that was not run yet will have a `fidelity` line if `smaller`
-    has one."""
+    """Return the number of lines of a clip's file. The file of a clip gets its `fidelity` line when it is run, so if
+    only `smaller` has one yet, it is counted for the clip too."""
     measured = smaller.all(Fidelity)[:1] if smaller is not None and not clip.all(Fidelity) else ()
     return print_model(clip.model_copy(update={"body": (*clip.body, *measured)})).count("\n")
 

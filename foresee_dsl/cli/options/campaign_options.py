@@ -278,9 +278,6 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     values = dict(flags.settings)
     sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
     on_command_line = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
-    for name in ("goal", "first_from"):
-        if name in on_command_line and not values[name]:
-            raise typer.BadParameter("it is empty: name one, or leave the option out", param_hint=_typed(name))
     drivers: tuple[str, ...] = (values["driver"],)
     rankers: tuple[str, ...] = (values["ranker"],)
     if any(is_campaign(path) for path in paths):
@@ -306,6 +303,10 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
             values["against"] = file.against
         if "budget" not in on_command_line and file.budget_s is not None:
             budget = file.budget_s / 60
+    else:
+        for name in on_command_line & {"goal", "first_from"}:
+            if not values[name]:  # with a campaign file, an empty name leaves out the file's
+                raise typer.BadParameter("it is empty: name one, or leave the option out", param_hint=_typed(name))
     settings = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
     return Request(paths, settings, budget)
 

@@ -192,11 +192,12 @@ class _Place:
     def words(self, word: str, wrong: str) -> Iterator[Fix]:
         """Yield the edit that replaces the wrong word by one of the words that a help lists; none if it is written more
         than once."""
-        places = [(0, len(self.written))]
-        if not re.fullmatch(r"\S+", self.written):
-            pattern = rf"\b{re.escape(wrong)}\b"
-            places = [occurrence.span() for occurrence in re.finditer(pattern, self.written)] if wrong else []
-        if len(places) == 1:
+        if wrong:
+            pattern = rf"(?<![\w#-]){re.escape(wrong)}(?![\w#])"
+            places = [occurrence.span() for occurrence in re.finditer(pattern, self.written)]
+        else:
+            places = [(0, len(self.written))] if re.fullmatch(r"\S+", self.written) else []
+        if len(places) == 1 and wrong != word:
             start, end = places[0]
             yield Fix(f"Write `{word}`", self.start + start, self.start + end, word)
 

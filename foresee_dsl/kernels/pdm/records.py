@@ -231,7 +231,7 @@ EGO, ACTOR, ROUTE_POINT, JUNCTION, FOE = (
     dtype_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)
 )
 PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, MatchRecord, Predicted, LeaderRecord))
-ROLLED, CONFLICT, ASSESSMENT = dtype_of(Rolled), dtype_of(ConflictRecord), dtype_of(ProposalResult)
+ROLLED, CONFLICT, PROPOSAL_RESULT = dtype_of(Rolled), dtype_of(ConflictRecord), dtype_of(ProposalResult)
 
 EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (
     array_of(kind) for kind in (EgoRecord, ActorRecord, RoutePoint, JunctionRecord, FoeRecord)

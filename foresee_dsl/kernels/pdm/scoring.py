@@ -17,7 +17,7 @@ from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import FRAMES, TIMES_S
 from foresee_dsl.kernels.pdm.proposals import BRAKING, Motions, decay_length, place_footprints, progress_of, roll
-from foresee_dsl.kernels.pdm.records import ASSESSMENT, CONFLICT, ROLLED
+from foresee_dsl.kernels.pdm.records import CONFLICT, PROPOSAL_RESULT, ROLLED
 from foresee_dsl.kernels.pdm.route import grid_point
 
 STEERS_SIDEWAYS_M = 0.7
@@ -157,7 +157,7 @@ def others_near(ego: np.void, actors: Records, predicted: Records, motions: Moti
 def _assess(
     ego: np.void, route: Records, others: Others, motions: Motions, p: int, rolled: Records, assessment: np.void
 ) -> None:
-    """Roll a proposal out into `rolled`, [T], compare it with the others, and fill its `Assessment`."""
+    """Roll a proposal out into `rolled`, [T], compare it with the others, and fill its `ProposalResult`."""
     roll(ego, motions, p, rolled)
     if len(others.near) > 0:
         place_footprints(ego, route, rolled)
@@ -234,7 +234,7 @@ def best_proposal(ego: np.void, route: Records, others: Others, motions: Motions
     assessed, until the largest value is a score.
     """
     count, most_m = len(motions.of), 0.0
-    assessments, points, rolled = np.zeros(count, ASSESSMENT), np.empty(count), np.empty(FRAMES, ROLLED)
+    assessments, points, rolled = np.zeros(count, PROPOSAL_RESULT), np.empty(count), np.empty(FRAMES, ROLLED)
     for _ in range(count):
         p = _farthest(ego, motions, assessments)
         _assess(ego, route, others, motions, p, rolled, assessments[p])

@@ -244,7 +244,8 @@ class Streets:
             self._add(item, "at", message, _lengths(math.ceil(low), math.floor(high)))
 
     def _unknown_junction(self, item: m.OnRamp | m.OffRamp | m.BannedTurn) -> None:
-        help = did_you_mean(item.junction, self._junctions) or "junctions are " + one_of(self._junctions)
+        listed = "junctions are " + one_of(self._junctions, wrong=item.junction)
+        help = did_you_mean(item.junction, self._junctions) or listed
         self._collector.add(item, "junction", "FS040", "unknown junction '" + subject(item.junction) + "'", help)
 
     def _unknown_edge(self, item: m.Item, field: str, name: str, roads: Sequence[str]) -> None:
@@ -260,7 +261,7 @@ class Streets:
                 help = "write " + write(name.removesuffix(BACK))
         else:
             message, help = "unknown road '" + subject(name) + "'", did_you_mean(name, roads)
-            help = help or ("" if isinstance(item, Ramp) else "roads are " + one_of(roads))
+            help = help or ("" if isinstance(item, Ramp) else "roads are " + one_of(roads, wrong=name))
             if not help and isinstance(item, Ramp):
                 help = "a ramp joins or leaves a road: add " + write("road a1 from a to b { lanes 2; speed 130 km/h }")
         self._add(item, field, message, help, "FS041")

@@ -36,7 +36,7 @@ def did_you_mean(word: str, words: Iterable[str]) -> HelpText:
         return meant_word(nearest, word)
     if not 0 < len(candidates) <= _MOST_LISTED:
         return ""
-    return ("write one of " if len(candidates) > 1 else "write ") + one_of(candidates)
+    return ("write one of " if len(candidates) > 1 else "write ") + one_of(candidates, wrong=word)
 
 
 def of_type(type_: str, types: Mapping[str, str], instead: HelpText = "") -> HelpText:
@@ -52,7 +52,7 @@ def unit_hint(word: str) -> HelpText:
     meant = OTHER_WORDS.get(word.lower())
     if meant is not None:
         return meant_word(meant, word)
-    return did_you_mean(word, UNITS) or "units are " + one_of(UNITS)
+    return did_you_mean(word, UNITS) or "units are " + one_of(UNITS, wrong=word)
 
 
 def suggested_fix(diagnostic: Diagnostic) -> tuple[Span, str] | None:

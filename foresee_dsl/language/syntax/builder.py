@@ -124,7 +124,7 @@ _NOUNS = {
 def _not_one_of(node: Node, field: str, word: str, place: Span) -> Diagnostic:
     words = form_of(node.kind, field).words
     near = closest(word, words)
-    help: HelpText = did_you_mean(word, words) or "write one of " + one_of(words)
+    help: HelpText = did_you_mean(word, words) or "write one of " + one_of(words, wrong=word)
     if node.kind is m.Expected and field == "failure":
         help = (
             "write F1 (off the road or into an object), F2 (into a pedestrian), F3 (frontal), F4 (lateral), F5 (rear), "

@@ -107,7 +107,7 @@ class _Reader:
             definitions = statements[1:] if near == "foresee" else statements
         if not definitions and not self.errors:
             end = len(self._text)
-            self._error("FS014", "this file defines nothing", _one_of_the_definitions(), end, end + 1)
+            self._error("FS014", "this file defines nothing", _one_of_the_definitions(""), end, end + 1)
         for k, raw in enumerate(definitions):
             if k > 0 and broken_braces:
                 break  # statements after a surplus closing brace belong to the first definition
@@ -131,7 +131,7 @@ class _Reader:
         elif not is_first:
             self._error_of(raw, "FS008", f"`{word[:40]}` is outside the braces", move_inside("move it inside"))
         elif meant is None:
-            self._error_of(raw, "FS004", f"a file cannot define `{word[:40]}`", _one_of_the_definitions())
+            self._error_of(raw, "FS004", f"a file cannot define `{word[:40]}`", _one_of_the_definitions(word))
         elif word != meant:
             end = raw.start + len(word)
             self._error("FS004", f"unknown word '{word[:40]}'", meant_word(meant, word), raw.start, end)
@@ -232,8 +232,8 @@ class _Reader:
         self._error(code, message, help, raw.start, max(raw.end, raw.start + 1))
 
 
-def _one_of_the_definitions() -> Help:
-    return "a file defines one of: " + one_of(_DEFINITIONS)
+def _one_of_the_definitions(wrong: str) -> Help:
+    return "a file defines one of: " + one_of(_DEFINITIONS, wrong=wrong)
 
 
 def _shift(tree: _Tree, lines: int, columns: int) -> None:

@@ -11,7 +11,7 @@ import shlex
 import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -111,8 +111,10 @@ def _end(
     yield from _changed_lines(result)
     if table.findings:
         yield from _next_lines(table.findings, out)
-    if not result.failed and not result.broken and not result.interrupted:
-        yield from _nearest_lines(result, out, store)
+    if not result.failed and not result.broken:
+        yield from _nearest_lines(result)
+        if not result.interrupted:
+            yield from _suggested_lines(result, out, store)
     yield Text()
     yield from _standing_lines(standing)
     yield from _summary(result, table.findings)
@@ -230,8 +232,8 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
                        style="bold yellow")  # fmt: skip
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
-    elif not result.failed and not result.broken and not result.interrupted:
-        yield Text("no failures", style="bold green")
+    elif not result.failed and not result.broken:
+        yield Text("no failures so far" if result.interrupted else "no failures", style="bold green")
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
     yield verdicts_line(result.seeds)
@@ -360,8 +362,8 @@ def _changed_lines(result: CampaignResult) -> Iterator[Text]:
         yield Text(f"  ... and {len(changed) - NAMED} more changes of the driver's process", style="yellow")
 
 
-def _nearest_lines(result: CampaignResult, out: Path, store: Path | None) -> Iterator[Text]:
-    """Yield the runs that came nearest to a failure, and the commands to try next."""
+def _nearest_lines(result: CampaignResult) -> Iterator[Text]:
+    """Yield the runs that came nearest to a failure."""
     runs: list[tuple[float, str, str]] = [(*_nearest(seed), seed.id) for seed in result.seeds if _passed(seed)]
     for clip in result.clips:
         runs += [
@@ -374,6 +376,10 @@ def _nearest_lines(result: CampaignResult, out: Path, store: Path | None) -> Ite
         yield Text("\nThe nearest misses:", style="bold")
     for _, how, name in nearest:
         yield _path("    ", f"{how}  {name}")
+
+
+def _suggested_lines(result: CampaignResult, out: Path, store: Path | None) -> Iterator[Text]:
+    """Yield the commands to try next."""
     settings = result.settings
     cases = sorted({seed.id for seed in result.seeds})
     paths = sorted({case.partition("::")[0] for case in cases})
@@ -392,13 +398,14 @@ def _nearest_lines(result: CampaignResult, out: Path, store: Path | None) -> Ite
     if nothing:
         suggested["also what no driver can avoid"] = {"preset": "focused"}
     if result.clips or not nothing:
-        more = {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children or DEFAULT_CHILDREN}
+        more = {"risky_points": 2 * settings.risky_points, "children": 2 * settings.children or 2 * DEFAULT_CHILDREN}
         suggested["more points, more children"] = dict(more)
     suggested["other moments"] = {"ranker": ranker}
-    if settings.children:
-        suggested["other mutations"] = {"preset": mutations, "repeat": 2}
+    suggested["other mutations"] = {"preset": mutations, "repeat": 2}
+    settings = replace(settings, children=settings.children or DEFAULT_CHILDREN)
+    references = reference_drivers(settings.driver)
     for why, other in suggested.items():
-        yield _path("    ", f"{again}{_options(settings, other)}   # {why}")
+        yield _path("    ", f"{again}{_options(settings, other, references)}   # {why}")
 
 
 REPEATED = ("ranker", "preset", "before_s", "after_s", "handover_s", "seed", "allocation", "rules", "goal",
@@ -408,10 +415,10 @@ _NAMED_CASES = 3
 """Maximum number of test cases, or of files, that a suggested command names one by one."""
 
 
-def _options(settings: CampaignSettings, other: Mapping[str, str | int]) -> str:
-    """Return the options of a campaign with some `other` settings, each that differs from its default."""
-    defaults = {field.name: field.default for field in fields(settings)}
-    defaults["against"] = reference_drivers(settings.driver)
+def _options(settings: CampaignSettings, other: Mapping[str, str | int], references: tuple[str, ...]) -> str:
+    """Return the options of a campaign with some `other` settings, each that differs from its default; the default of
+    the reference drivers is `references`."""
+    defaults = {field.name: field.default for field in fields(settings)} | {"against": references}
     chosen = {name: other.get(name, getattr(settings, name)) for name in REPEATED}
     return "".join(
         f" --{name.removesuffix('_s').replace('_', '-')} " + _option_text(value)

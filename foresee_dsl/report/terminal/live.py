@@ -133,8 +133,8 @@ class TimeLeft(Listener):
             expected = of_kind.get(above, 0.0)
             if above:
                 seen = self.finished[above]
-                # What follows from a run is planned after it has ended; until any is, all runs above may lead to some.
-                ahead = max(0.0, expected - seen) if self.total[kind] else expected
+                # What follows from a run is planned after it has ended, so until some is, one more run may lead to it.
+                ahead = max(expected - seen, 0.0 if self.total[kind] else min(expected, 1.0))
                 each = (self.total[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
                 if kind == "child" and self._in_rounds:
                     # A round is planned only when the round before has ended; until then the usual number of children
