@@ -22,7 +22,7 @@ from foresee_dsl.kernels.pdm import proposals, scoring
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.decision import decide
 from foresee_dsl.kernels.pdm.prediction import FRAMES, TIMES_S, match, predict
-from foresee_dsl.kernels.pdm.records import ASSESSMENT, LEADER, ROLLED
+from foresee_dsl.kernels.pdm.records import LEADER, PROPOSAL_RESULT, ROLLED
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import near_foes
 from tests.support.driving import SEDAN, crossing_foe, line, mission
@@ -107,7 +107,7 @@ def plain_choice(observation: Observation) -> Choice:
     ]
     s, speed, first = (np.concatenate(values) for values in zip(*moves, strict=True))
     motions = proposals.Motions(np.array([wish[0] for wish in wishes]), np.arange(len(wishes)), s, speed, first)
-    rolled, assessments = np.empty((len(wishes), FRAMES), ROLLED), np.zeros(len(wishes), ASSESSMENT)
+    rolled, assessments = np.empty((len(wishes), FRAMES), ROLLED), np.zeros(len(wishes), PROPOSAL_RESULT)
     for p in range(len(wishes)):
         proposals.roll(ego, motions, p, rolled[p])
         proposals.place_footprints(ego, points, rolled[p])

@@ -192,11 +192,10 @@ class _Place:
     def words(self, word: str, wrong: str) -> Iterator[Fix]:
         """Yield the edit that replaces the wrong word by one of the words that a help lists; none if it is written more
         than once."""
-        if wrong:
-            pattern = rf"(?<![\w#-]){re.escape(wrong)}(?![\w#])"
-            places = [occurrence.span() for occurrence in re.finditer(pattern, self.written)]
-        else:
-            places = [(0, len(self.written))] if re.fullmatch(r"\S+", self.written) else []
+        pattern = rf"(?<![\w#-]){re.escape(wrong)}(?![\w#])"
+        places = [occurrence.span() for occurrence in re.finditer(pattern, self.written)] if wrong else []
+        if not places and re.fullmatch(r"\S+", self.written):  # also a parameter whose value is the wrong word
+            places = [(0, len(self.written))]
         if len(places) == 1 and wrong != word:
             start, end = places[0]
             yield Fix(f"Write `{word}`", self.start + start, self.start + end, word)
