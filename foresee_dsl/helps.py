@@ -48,8 +48,8 @@ class OneOf:
     """Replace the wrong word by one of these, which are names in the file or words of the language.
 
     Attributes:
-        words: the words. wrong: the word in the marked text that one of them replaces; empty: all of the marked text,
-            if it is a single word.
+        words: the words. wrong: the word that one of them replaces; if the marked text does not contain it and is a
+            single word, such as a parameter with that value, all of the marked text.
     """
 
     words: tuple[str, ...]

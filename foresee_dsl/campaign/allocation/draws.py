@@ -54,6 +54,11 @@ class DrawMethod(NamedTuple):
         """Return the way in words, for reports."""
         return f"{_BEFORE[self.how]}{'+'.join(self.operators)}"
 
+    @property
+    def made_by(self) -> str:
+        """Return, in words, what draws the changes: the operators, or the preset's search."""
+        return "the preset's search" if self.operators == SEARCHED_WAY.operators else "+".join(self.operators)
+
 
 _BEFORE: Mapping[How, str] = {
     How.ANEW: "",

@@ -14,15 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from foresee_dsl.campaign.allocation.draws import (
-    SEARCHED_WAY,
-    ClipDraws,
-    ClipGroup,
-    DrawMethod,
-    DrawOption,
-    PastChild,
-    RoundBudget,
-)
+from foresee_dsl.campaign.allocation.draws import ClipDraws, ClipGroup, DrawMethod, DrawOption, PastChild, RoundBudget
 from foresee_dsl.derive.mutate import How
 
 NEW_UNAVOIDED = 0.5
@@ -163,11 +155,9 @@ class Estimates:
     def words(self, clip: str, group: ClipGroup, way: DrawMethod) -> str:
         """Return the counts behind an arm's gain in words."""
         same, rank = self.failing["way", way], self.failing["rank", group.rank]
-        operators, own = "+".join(way.operators), len(self.archive.by_clip.get(clip, ()))
-        operators = "the preset's search" if way.operators == SEARCHED_WAY.operators else operators
-        by_way = (
-            f"{same.successes:.0f} of {same.trials} children by {operators}" if same.trials else f"{operators} is new"
-        )
+        own = len(self.archive.by_clip.get(clip, ()))
+        counts = f"{same.successes:.0f} of {same.trials} children by"
+        by_way = f"{counts} {way.made_by}" if same.trials else f"{way.made_by} is new"
         by_rank = f"{rank.successes:.0f} of {rank.trials} at risky points of rank {group.rank}"
         return f"failed so far: {by_way}; {by_rank}; {own or 'none'} of its clip"
 

@@ -112,7 +112,7 @@ class StartSearch:
         finally:
             self._resolving.pop()
 
-    def _standing(self, name: str) -> PlacedFootprint:
+    def _footprint(self, name: str) -> PlacedFootprint:
         """Return the start of an actor of any kind, with its way."""
         if name not in self._actors:
             if re.fullmatch(r".+_[0-9]+", name):  # unknown names are reported elsewhere
@@ -182,12 +182,12 @@ class StartSearch:
         return line, start
 
     def _of_actor(self, place: m.OfActor) -> Spot:
-        standing = self._standing(place.actor)
-        pose = standing.place(place, wheels=self._specs[place.actor].kind in WHEELS)
-        if not isinstance(standing.line, RouteLine):
+        footprint = self._footprint(place.actor)
+        pose = footprint.place(place, wheels=self._specs[place.actor].kind in WHEELS)
+        if not isinstance(footprint.line, RouteLine):
             return Spot(*pose, actor=place.actor)
-        s = standing.s + standing.onwards_m(place)
-        _check_on(standing.line, s, place.actor)
+        s = footprint.s + footprint.onwards_m(place)
+        _check_on(footprint.line, s, place.actor)
         return Spot(*pose, actor=place.actor, s=s)
 
     def _past(self, place: m.PastJunction) -> Spot:

@@ -82,7 +82,7 @@ def print_campaign(
     table = _Table.of(result.findings, standing, out)
     # A long table leaves room for only one example of what else went wrong.
     for named in (NAMED, 1):
-        end = list(_end(result, table, standing, (out, store), named))
+        end = list(_end(result, table, standing, out, store, named))
         room = SCREEN_LINES - RESERVED_LINES - sum(_height(line, width) for line in end)
         lines, whole = table.lines(width, max(room, LEAST_LINES))
         if whole and len(lines) <= room:
@@ -97,14 +97,12 @@ def print_campaign(
 
 
 def _end(
-    result: CampaignResult, table: _Table, standing: Standing, folders: tuple[Path, Path | None], named: int
+    result: CampaignResult, table: _Table, standing: Standing, out: Path, store: Path | None, named: int
 ) -> Iterator[Text]:
     """Yield the lines after the table.
 
-    `folders`: the campaign's folder, and that of its store. `named`: maximum number of test cases, reasons or
-    expectations that are named.
+    `named`: maximum number of test cases, reasons or expectations that are named.
     """
-    out, store = folders
     yield from _broken_lines(result, named)
     yield from _breaking_lines(result, named)
     yield from _others_lines(result, table.findings, out)

@@ -42,17 +42,17 @@ class Ways:
         self._strip = lru_cache(maxsize=256)(partial(strip_of, self._network))
         self._edges: dict[str, tuple[tuple[float, int], ...]] = {}
         self._frame = -1
-        self._standing: dict[str, PlacedFootprint] = {}
+        self._footprints: dict[str, PlacedFootprint] = {}
 
     def of(self, actor: SimulatedActor) -> PlacedFootprint:
         """Return the current position of an actor on its way."""
         if self._frame != self._simulation.frame:
             self._frame = self._simulation.frame
-            self._standing.clear()
-        standing = self._standing.get(actor.id)
-        if standing is None:
-            standing = self._standing[actor.id] = self._find(actor)
-        return standing
+            self._footprints.clear()
+        footprint = self._footprints.get(actor.id)
+        if footprint is None:
+            footprint = self._footprints[actor.id] = self._find(actor)
+        return footprint
 
     def place(self, place: m.OfActor) -> Pose | None:
         """Return the current pose of a place relative to an actor; None if the actor is absent."""
