@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import get_type_hints
 
+from foresee_dsl.campaign.goal import problem_with
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.registry import DRIVERS, name_in
@@ -21,7 +22,7 @@ from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import SUFFIX, is_inside, kind_of, parse_address, project_folder
-from foresee_dsl.language.project.loading import Project
+from foresee_dsl.language.project.loading import Project, load_test_cases
 
 NOBODY = "none"
 """The word in a campaign's file that means no reference driver."""
@@ -81,14 +82,18 @@ def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
     )
 
 
-def mistakes_of(document: Document, *, allow_outside: bool = False) -> tuple[Diagnostic, ...]:
+def mistakes_of(document: Document, *, allow_outside: bool = False, with_goal: bool = False) -> tuple[Diagnostic, ...]:
     """Return an error for each missing driver, ranker, preset, test case and folder that a campaign's file names.
 
     What lies outside its project folder is an error too, unless `allow_outside`; its folders are not even read.
+    `with_goal`: also for a goal that no test case has, for which all test cases are loaded (2 s for 120).
     """
     if not isinstance(document.model, m.Campaign):
         return ()
-    return tuple(_mistakes(document, document.model, allow_outside=allow_outside))
+    mistakes = tuple(_mistakes(document, document.model, allow_outside=allow_outside))
+    if mistakes or not with_goal:
+        return mistakes
+    return tuple(_mistakes_of_goal(document, document.model, allow_outside=allow_outside))
 
 
 def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) -> Iterator[Diagnostic]:
@@ -119,6 +124,21 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
             message = f"there is no folder '{item.path}'"
             help_ = "name the folder of a campaign, or of kept failures; paths begin at this file's own folder"
             yield document.diagnostic(item, "path", "FS059", message, help_)
+
+
+def _mistakes_of_goal(document: Document, campaign: m.Campaign, *, allow_outside: bool) -> Iterator[Diagnostic]:
+    """Yield the error of a goal that no test case has; test cases with errors of their own are reported elsewhere."""
+    goal = next(iter(campaign.all(m.SearchGoal)), None)
+    if goal is None:
+        return
+    folder = Path(document.path).parent
+    paths = [path for seeds in campaign.all(m.Seeds) for path in _paths(seeds, folder)]
+    try:
+        cases = load_test_cases(paths, allow_outside=allow_outside)
+    except InputError:
+        return
+    if (problem := problem_with(cases, goal.name)) is not None:
+        yield document.diagnostic(goal, "name", "FS058", *problem)
 
 
 def _leads_outside(path: str, folder: Path) -> bool:

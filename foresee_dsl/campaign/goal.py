@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.helps import Help, HelpText, meant_word
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model import Expect
@@ -36,19 +37,29 @@ def with_goal(cases: Sequence[TestCase], goal: str) -> list[TestCase]:
     """
     if not goal:
         return list(cases)
-    named = [(case, expect) for case in cases for expect in case.scenario.all(Expect) if expect.name == goal]
+    if (problem := problem_with(cases, goal)) is not None:
+        message, help = problem
+        raise ForeseeError(f"{message}: {Help.of(help).text}")
+    return [replace(case, goal=goal) for case, expect in _named(cases, goal) if expect.mode != "eventually"]
+
+
+def problem_with(cases: Sequence[TestCase], goal: str) -> tuple[str, HelpText] | None:
+    """Return why none of the test cases can have this goal, and what to write instead; None if one of them can."""
+    named = _named(cases, goal)
     if not named:
         labels = sorted({e.name for case in cases for e in case.scenario.all(Expect) if e.name is not None})
-        near = closest(goal, labels)
-        advice = f"did you mean '{near}'?" if near else f"their labels: {', '.join(labels)}" if labels else _UNLABELLED
-        raise ForeseeError(f"no test case has an expectation called '{goal}': {advice}")
-    lasting = [case for case, expect in named if expect.mode != "eventually"]
-    if not lasting:
-        raise ForeseeError(
-            f"'{goal}' is an `expect eventually`, which clips do not check, because it may hold before a clip begins; "
-            "a goal is an `expect always` or `expect never`"
-        )
-    return [replace(case, goal=goal) for case in lasting]
+        nearest = closest(goal, labels)
+        all_labels = f"their labels: {', '.join(labels)}" if labels else _UNLABELLED
+        help = meant_word(nearest, goal) if nearest is not None else all_labels
+        return f"no test case has an expectation called '{goal}'", help
+    if all(expect.mode == "eventually" for _, expect in named):
+        why = f"'{goal}' is an `expect eventually`, which clips do not check, because it may hold before a clip begins"
+        return why, "a goal is an `expect always` or `expect never`"
+    return None
+
+
+def _named(cases: Sequence[TestCase], goal: str) -> list[tuple[TestCase, Expect]]:
+    return [(case, expect) for case in cases for expect in case.scenario.all(Expect) if expect.name == goal]
 
 
 def left_out(cases: Sequence[TestCase], goal: str) -> str:

@@ -35,6 +35,7 @@ from foresee_dsl.cli.options.output import FormatOption, JunitOption, format_opt
 from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.measuring import Part
 from foresee_dsl.report.formats import PEOPLE, CommandReport
+from foresee_dsl.report.safe_text import counted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -117,7 +118,7 @@ def campaign(
     )
     with Part.READING:
         cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
-        cases, without_goal = _with_goal(cases, request)
+        cases, left_out = _chosen(cases, request, flags.out)
         _check(cases)
     if profiler is not None:
         profiler.ready()
@@ -130,7 +131,7 @@ def campaign(
         listeners += [first_failure, stored, RunningPage(flags.out / "report.html", request.settings[0])]
         stack.enter_context(stop.listening())
         results = _run_all(cases, request, flags, store, options, listeners, log)
-        notes = [*without_goal, *notes_on(store)]
+        notes = [*left_out, *notes_on(store)]
     spent = (
         None
         if profiler is None
@@ -156,13 +157,23 @@ def campaign(
         raise typer.Exit(FAILED)
 
 
-def _with_goal(cases: Sequence[TestCase], request: Request) -> tuple[tuple[TestCase, ...], list[str]]:
-    """Return the test cases that have the campaign's goal, and a note on the others; all test cases without a goal."""
+def _chosen(cases: Sequence[TestCase], request: Request, out: Path) -> tuple[tuple[TestCase, ...], list[str]]:
+    """Return the test cases that have the campaign's goal (all test cases without a goal), and notes on what is left
+    out: other test cases, and earlier failures that belong to none of them.
+    """
+    from foresee_dsl.campaign.allocation.earlier import EarlierMutants
     from foresee_dsl.campaign.goal import left_out, with_goal
 
-    goal = request.settings[0].goal
-    note = left_out(cases, goal)
-    return tuple(with_goal(cases, goal)), [note] if note else []
+    settings = request.settings[0]
+    notes = [left_out(cases, settings.goal)]
+    cases = with_goal(cases, settings.goal)
+    if settings.first_from:
+        earlier = EarlierMutants.in_folder(Path(settings.first_from), but=request.folder(settings, out))
+        if others := earlier.left_out(cases):
+            of = f"{others} of {counted(earlier.count, 'failing mutant')} in {settings.first_from}"
+            belong = "belongs" if others == 1 else "belong"
+            notes.append(f"not run first: {of} {belong} to other test cases, or to other versions of these")
+    return tuple(cases), [note for note in notes if note]
 
 
 def _check(cases: Sequence[TestCase]) -> None:
@@ -312,7 +323,7 @@ def plan(
 
     request = requested(ctx, paths, flags)
     cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
-    cases, without_goal = _with_goal(cases, request)
+    cases, left_out = _chosen(cases, request, flags.out)
     folder, part = flags.store_folder, shard_of(flags.shard)
     stored = (folder / "runs.sqlite").is_file()
     with Store(folder, write=False) if stored else nullcontext() as store:
@@ -335,7 +346,7 @@ def plan(
             if len(plans) > 1:
                 screen.print(f"{settings.driver}, {settings.ranker}", style="bold")
             _print_plan(campaign_plan, folder, stored=stored)
-        for note in without_goal:
+        for note in left_out:
             screen.print(note, markup=False)
         if others:
             screen.print(of_other_versions(folder, others))

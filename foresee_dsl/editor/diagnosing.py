@@ -26,7 +26,8 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
         if result.campaigns:
             from foresee_dsl.campaign.campaign_file import mistakes_of  # slow: it searches for plug-ins
 
-            diagnostics += tuple(mistake for campaign in result.campaigns for mistake in mistakes_of(campaign))
+            for campaign in result.campaigns:
+                diagnostics += mistakes_of(campaign, with_goal=places)
         if not places:
             return diagnostics
         from foresee_dsl.compile import with_placements

@@ -111,6 +111,26 @@ def test_mistakes_are_shown_where_they_are(project: Path, line: str, instead: st
     assert not (project / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("goal", "expect", "message", "help"),
+    [
+        ("rom", "expect room: always distance(ego, other) > 2 m", "no test case has", "did you mean 'room'?"),
+        ("sides", "expect room: always distance(ego, other) > 2 m", "no test case has", "their labels: room"),
+        ("room", "expect never collision(other)", "no test case has", "write `expect NAME: always ...`"),
+        ("room", "expect room: eventually distance(ego, other) > 2 m", "which clips do not check", "`expect always`"),
+    ],
+)
+def test_a_goal_that_no_test_case_has(project: Path, goal: str, expect: str, message: str, help: str) -> None:
+    crosser = project / "crosser.foresee"
+    crosser.write_text(crosser.read_text().replace("expect never collision(ego)", expect))
+    file = written(project, NIGHTLY.replace("budget 10 min", f"goal {goal}"))
+    shown = foresee("check", file, expect=1)
+    assert "error FS058" in shown and message in " ".join(shown.split()) and f"| goal {goal}" in " ".join(shown.split())
+    assert help in " ".join(shown.split())
+    assert message in " ".join(foresee("campaign", file, "--out", project / "out", expect=1).split())
+    foresee("check", written(project, NIGHTLY))
+
+
 def test_it_runs_and_the_command_line_goes_before_it(project: Path, tmp_path: Path) -> None:
     file = written(project, NIGHTLY.replace("[idm]", "[idm, pdm]"))
     plans = foresee("plan", file, "--out", tmp_path / "out")

@@ -32,7 +32,9 @@ from foresee_dsl.language.project.expand import expanded_text
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.page.html import write_report
 from foresee_dsl.report.page.markdown import write_markdown
+from foresee_dsl.report.safe_text import counted
 from tests.campaign.test_allocation import HeardRounds
+from tests.support.command import foresee
 from tests.support.small_campaign import SETTINGS, campaign, published, write_project
 
 STORIES = replace(SETTINGS, allocation="stories")
@@ -143,6 +145,20 @@ def test_kept_failures_are_earlier_failures(
     clip = next(clip for clip in result.clips if failing in clip.failing)
     (request,) = earlier.requests(clip.text)
     assert parse(request.near, "x").model.changes == parse(failing.text, "x").model.changes
+
+
+def test_earlier_failures_of_other_test_cases_are_counted(
+    done: tuple[Path, Path, CampaignResult, HeardRounds], tmp_path: Path
+) -> None:
+    file, out, result, _ = done
+    failing = sum(len(clip.failing) for clip in result.clips)
+    assert EarlierMutants.in_folder(out, but=tmp_path).left_out(load_test_cases([file])) == 0
+    other = write_project(tmp_path / "project")
+    other.write_text(other.read_text().replace("speed 40 km/h", "speed 41 km/h"))
+    options = ("--driver", "idm", "--first-from", out, "--out", tmp_path / "out", "--store", tmp_path / "store")
+    plan = foresee("plan", other, *options, env={"COLUMNS": "500"}).stdout
+    assert f"not run first: {failing} of {counted(failing, 'failing mutant')} in {out.as_posix()} belong" in plan, plan
+    assert "failing mutant" not in foresee("plan", file, *options).stdout
 
 
 def test_a_folder_from_elsewhere_is_not_left(

@@ -12,6 +12,7 @@ from foresee_dsl.language.logic import weaker
 from foresee_dsl.language.model import Expect, Scenario
 from foresee_dsl.language.parser import parse
 from tests.support.code_frames import FRAMES, example
+from tests.support.examples_at_work import found_in
 
 HEAD = FRAMES["scenario"].partition("@")[0]
 TOWN = example(every_code()["FS301"], "end after 60 s").files["town.foresee"]
@@ -276,6 +277,22 @@ def test_unused_parameters_and_dead_cases(codes):
     assert codes(lines) == [("FS301", "param b: time = 1 s")]
     cases = "  param a: time = 9 s\n  end after a\n  case one { a = 5 s }\n  case two { a = 5000 ms }\n  case three\n"
     assert codes(cases) == [("FS302", "case two { a = 5000 ms }")]
+
+
+@pytest.mark.parametrize(
+    ("change", "marked"),
+    [
+        ("runner.timing: 1.00 => 1.0", "1.0"),
+        ("runner.style: usual => usual", "usual"),
+        ("runner.steer: 0.00 => 0.10 from 3.00 s for 1.00 s", "3.00 s"),
+        ("runner.steer: 0.00 => 0.10 from 2.95 s for 1.00 s", ""),
+    ],
+)
+def test_a_change_without_effect(change: str, marked: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = found_in(every_code()["FS318"], f"change {change}", tmp_path / "example", monkeypatch)
+    assert [(d.code, d.source_line[d.span.column - 1 : d.span.end_column - 1]) for d in found if d.span] == (
+        [("FS318", marked)] if marked else []
+    )
 
 
 def test_an_expectation_of_somebody_else_is_none_of_the_ego(codes):

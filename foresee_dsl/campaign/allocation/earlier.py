@@ -17,6 +17,7 @@ from foresee_dsl.campaign.steps.requests import RequestedMutant
 from foresee_dsl.derive.mutate import SEARCHED, Draw, How
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import absolute
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change, Clip, Mutant, Quantity
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
@@ -74,6 +75,11 @@ class EarlierMutants:
         if not earlier.count:
             raise ForeseeError(f"{folder} has no failing mutants: name the folder of a campaign, or of kept failures")
         return earlier
+
+    def left_out(self, cases: Iterable[TestCase]) -> int:
+        """Return how many of the mutants are of none of these test cases, or of another version of one of them."""
+        pins = {case.meaning for case in cases}
+        return sum(len(failures) for pin, failures in self._by_case.items() if pin not in pins)
 
     def requests(self, clip: str) -> tuple[RequestedMutant, ...]:
         """Return the mutants that are run first in a clip with this text, at most `AT_MOST`; the clips that begin

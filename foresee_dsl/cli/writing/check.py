@@ -82,7 +82,7 @@ def check(
         from foresee_dsl.campaign.campaign_file import mistakes_of  # slow: it searches for plug-ins
 
         for document in result.campaigns:
-            diagnostics += mistakes_of(document, allow_outside=allow_outside)
+            diagnostics += mistakes_of(document, allow_outside=allow_outside, with_goal=True)
     if places:
         from foresee_dsl.compile import with_placements
 

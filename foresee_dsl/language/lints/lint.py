@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -15,8 +16,9 @@ from foresee_dsl.language.lints.actors import actor_lints, route_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.arithmetic import divisions_by_zero
 from foresee_dsl.language.lints.dead_text import certain_conditions, dead_requirements, odd_measures
-from foresee_dsl.language.meaning import file_pin
+from foresee_dsl.language.meaning import file_pin, same_value
 from foresee_dsl.language.messages.collector import Collector
+from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.traversal import fields_of, walk
 
@@ -25,13 +27,15 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """Return the lints of a file without errors, sorted by place, except those that a comment allows.
 
     `cases`: the test cases of the file (none for a network or a catalogue). A lint of several cases is reported once.
-    Clips and mutants have no lints of their own: the lints belong to their parents.
+    A clip has no lints of its own, and a mutant only those of its changes: the others belong to their parents.
     """
     lints = _Lints(document)
     if isinstance(document.model, m.Scenario):
         for scenario_lint in _SCENARIO_LINTS:
             scenario_lint(lints, document.model)
     for case in cases:
+        if case.mutant is not None and case.mutant is document.model:
+            _without_effect(lints, case.mutant, case.scenario.first(m.End))
         if case.clip is None and case.mutant is None:
             lints.statements = _statements(case, document.model)
             for case_lint in _CASE_LINTS:
@@ -116,6 +120,20 @@ def _not_pinned(lints: Collector, case: TestCase) -> None:
         message = f"'{used.path}' is not pinned, so nothing notices when it changes"
         help = "write " + write(f'use tracks "{used.path}" pin {file_pin(case.tracks)}')
         lints.add(used, "", "FS317", message, help)
+
+
+def _without_effect(lints: Collector, mutant: m.Mutant, end: m.End | None) -> None:
+    """Report the changes of a mutant that change nothing; `end`: that of its clip."""
+    end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else math.inf
+    for change in mutant.changes:
+        what = f"{change.actor}.{change.property}"
+        if same_value(change.was, change.now):
+            message = f"{what} stays {value_text(change.now)}, so this change has no effect"
+            lints.add(change, "now", "FS318", message, "write another value, or " + remove("remove the change"))
+        elif isinstance(change.start, m.Quantity) and change.start.si >= end_s:
+            message = f"the clip ends after {end_s:g} s, so {what} never changes"
+            help = "write an earlier time, or " + remove("remove the change")
+            lints.add(change, "start", "FS318", message, help)
 
 
 _SCENARIO_LINTS = (_unused_parameters, _dead_cases, divisions_by_zero, dead_requirements)
