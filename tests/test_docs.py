@@ -25,7 +25,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import operators
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
@@ -273,7 +273,7 @@ def plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def example_preset() -> Preset:
+def example_preset() -> MutationPreset:
     """Execute the page's last block."""
     scope: dict[str, Any] = {}
     exec(blocks(DRIVERS, "python")[-1], scope)

@@ -28,7 +28,7 @@ from foresee_dsl.language.model import OWNERS, PROPERTIES, USUAL
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.limits import LIMITS
-from foresee_dsl.simulate.results.criticality import Measure
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure
 from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.results.verdict import COLLISIONS
 from tests.support.goldens import Golden
@@ -133,7 +133,9 @@ NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
     ("background/method.md", "| rule | the ego breaks it when | source |"): lambda: Rule,
     ("background/method.md", "| kind | definition |"): lambda: COLLISIONS,
     # time to collision and the braking needed are described in front of the table
-    ("background/method.md", "| key | measure | value at a moment |"): lambda: {*Measure} - {Measure.TTC, Measure.DRAC},
+    ("background/method.md", "| key | measure | value at a moment |"): lambda: (
+        {*CriticalityMeasure} - {CriticalityMeasure.TTC, CriticalityMeasure.DRAC}
+    ),
     ("background/rankers.md", "| behaviour | `operator` in a mutant | the change | which actors |"): lambda: Kind,
     ("reference/language.md", "| style | what changes in SUMO's models | effect |"): styles,
     ("start/install.md", "| extra | what it adds |"): extras,

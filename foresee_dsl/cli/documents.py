@@ -22,7 +22,7 @@ from foresee_dsl.campaign.grouping import Finding
 from foresee_dsl.campaign.plan import CampaignPlan
 from foresee_dsl.campaign.profiling.profile import Profile
 from foresee_dsl.campaign.records import Minimised
-from foresee_dsl.campaign.regression.comparison import Comparison
+from foresee_dsl.campaign.regression.comparison import CampaignComparison
 from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.regression.keeping import Report as Kept
 from foresee_dsl.campaign.regression.verify import Recheck
@@ -76,7 +76,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "campaigns": {"campaigns": [_CAMPAIGN], **_PROFILE},
     "check": {"ok": bool, "files": int, "test_cases": int, "diagnostics": list[Diagnostic]},
     "clip": {"clip": str, "fidelity_m": float, "fidelity_ego_m": float, **shape(RiskyPoint).__annotations__},
-    "compare": Comparison,
+    "compare": CampaignComparison,
     "conform": Conformance,
     "compile": {"test_case": str, "key": str, "files": list[str]},
     "diagnose": {"diagnoses": list[DiagnosedFailure]},

@@ -189,7 +189,7 @@ def compare(
     foresee compare out_main out --format markdown --output comment.md[/dim]
     """
     from foresee_dsl.campaign.regression.compared_sides import side_of_campaign, side_of_driver, tests_under
-    from foresee_dsl.campaign.regression.comparison import Change
+    from foresee_dsl.campaign.regression.comparison import OutcomeChange
     from foresee_dsl.campaign.regression.comparison import compare as paired
     from foresee_dsl.drivers.deadlines import Deadlines
 
@@ -218,5 +218,5 @@ def compare(
         ),
         people=lambda screen: print_comparison(screen, comparison),
     )
-    if not exit_zero and comparison.of(Change.NEW_FAILURE):
+    if not exit_zero and comparison.of(OutcomeChange.NEW_FAILURE):
         raise typer.Exit(FAILED)

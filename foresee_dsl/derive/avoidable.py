@@ -13,7 +13,7 @@ from foresee_dsl.avoidance.candidates.scoring import ScoredCandidate, search
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.derive.operators.paper import largest_share
 from foresee_dsl.derive.operators.situation import Situation, is_free
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.language.model import Change, IgnoresRule, Quantity
 from foresee_dsl.language.model.derived import NOTHING
 
@@ -52,7 +52,7 @@ _PROPERTY = {
 Children = list[tuple[tuple[str, ...], tuple[Change, ...]]]
 
 
-def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) -> Children:
+def avoidable(situation: Situation, preset: MutationPreset, count: int, rng: Generator) -> Children:
     """Return up to `count` mutants (names of operators, and changes): the best first, and of several kinds."""
     if preset.search is None:
         return []
@@ -87,7 +87,7 @@ def _worth(scored: ScoredCandidate, chosen: list[Candidate]) -> float:
     return scored.score * SAME_ACTOR**actor * SAME_KIND**kind
 
 
-def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
+def _change(situation: Situation, preset: MutationPreset, candidate: Candidate) -> Change | None:
     """Return the change that makes an actor behave like the candidate; None if the actor cannot behave so."""
     name, actor = _PROPERTY[candidate.kind], candidate.actor
     if name == "ignores":
@@ -110,7 +110,7 @@ def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Chang
     return change.model_copy(update={"start": at, "duration": long})
 
 
-def _value(situation: Situation, preset: Preset, candidate: Candidate, was: float) -> float | None:
+def _value(situation: Situation, preset: MutationPreset, candidate: Candidate, was: float) -> float | None:
     """Return the new value of the property in SI units; None if the model or the place does not allow the behaviour."""
     spec = situation.spec(candidate.actor)
     match candidate.kind:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.derive.operators import Operator, Situation
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.language.model import Change, Quantity
 
 Plan = tuple[tuple[Operator, str], ...]
@@ -56,7 +56,7 @@ def _weakened(change: Change, share: float) -> Change:
 
 def near_changes(
     situation: Situation,
-    preset: Preset,
+    preset: MutationPreset,
     plan: Plan,
     original: tuple[Change, ...],
     rng: Generator,
@@ -107,7 +107,12 @@ def _weaker_or_moved(change: Change) -> list[tuple[Change, ...]]:
 
 
 def _alternatives(
-    operator: Operator, target: str, original: tuple[Change, ...], situation: Situation, preset: Preset, rng: Generator
+    operator: Operator,
+    target: str,
+    original: tuple[Change, ...],
+    situation: Situation,
+    preset: MutationPreset,
+    rng: Generator,
 ) -> list[tuple[Change, ...]]:
     """Return an operator's part of the original changes, followed by variants near it.
 

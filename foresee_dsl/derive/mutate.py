@@ -18,7 +18,7 @@ from foresee_dsl.derive import presets
 from foresee_dsl.derive.avoidable import avoidable
 from foresee_dsl.derive.local_search import Plan, near_changes, weaker_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -43,7 +43,7 @@ def mutate(
     clip: Clip,
     trace: Trace,
     *,
-    preset: str | Preset = "focused",
+    preset: str | MutationPreset = "focused",
     count: int = DEFAULT_CHILDREN,
     seed: int = 0,
     driver: str = "",
@@ -80,7 +80,7 @@ class Mutator:
         clip: Clip,
         trace: Trace,
         *,
-        preset: str | Preset = "focused",
+        preset: str | MutationPreset = "focused",
         models: Collection[str] | None = None,
         plans: Sequence[PlanNames] = (),
         point: RiskyPoint | None = None,
@@ -330,7 +330,7 @@ def _proposed_first(plans: list[Plan], operator: str) -> list[Plan]:
     return sorted(plans, key=lambda plan: all(candidate.name != operator for candidate, _ in plan))
 
 
-def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
+def _plans(situation: Situation, preset: MutationPreset, proposed: str) -> list[Plan]:
     """Return the recipes whose operators can all act on their targets. If there is no such recipe, return from each
     recipe the operators that can.
 
@@ -350,7 +350,7 @@ def _plans(situation: Situation, preset: Preset, proposed: str) -> list[Plan]:
     return whole or list(dict.fromkeys(part for part in parts if part))
 
 
-def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Operator]) -> str:
+def _ranked_target(situation: Situation, preset: MutationPreset, by_name: dict[str, Operator]) -> str:
     """Return the actor that all operators of the preset change; "" if there is none.
 
     It is the ranked actor; if that is impossible, the closest actor that can be brought near the ego; if there is none,
@@ -378,7 +378,7 @@ def _ranked_target(situation: Situation, preset: Preset, by_name: dict[str, Oper
     return next(reachable, next(iter(usable), ""))
 
 
-def _is_target(situation: Situation, preset: Preset, actor: str) -> bool:
+def _is_target(situation: Situation, preset: MutationPreset, actor: str) -> bool:
     too_far = preset.farthest_m is not None and situation.gaps[actor][situation.frame] > preset.farthest_m
     return not too_far and situation.driven_m(actor) >= preset.timing.least_way_m
 
@@ -397,13 +397,17 @@ def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, fl
     return min(gaps, default=(np.inf, np.inf))
 
 
-def _acts(situation: Situation, preset: Preset, operator: Operator, target: str) -> bool:
+def _acts(situation: Situation, preset: MutationPreset, operator: Operator, target: str) -> bool:
     """Return whether an operator can change a target; this does not depend on the random choices."""
     return bool(operator.changes(situation, target, preset, np.random.default_rng(0)))
 
 
 def _child(
-    situation: Situation, preset: Preset, plan: Plan, rng: np.random.Generator, seen: Collection[tuple[Change, ...]]
+    situation: Situation,
+    preset: MutationPreset,
+    plan: Plan,
+    rng: np.random.Generator,
+    seen: Collection[tuple[Change, ...]],
 ) -> Drawn | None:
     """Return the operators and changes of one mutant; None if earlier mutants have all changes that can be drawn.
 

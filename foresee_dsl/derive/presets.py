@@ -112,7 +112,7 @@ class LineSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class Preset:
+class MutationPreset:
     """The settings with which clips are mutated.
 
     Attributes:
@@ -153,7 +153,7 @@ class Preset:
         return self.search is not None
 
 
-PAPER = Preset(
+PAPER = MutationPreset(
     name="paper",
     # The paper says "For each child simulation, the Scenario Mutator applies a random steering angle", so every mutant
     # is steered.
@@ -172,7 +172,7 @@ PAPER_BRIEF = replace(PAPER, name="paper_brief", steer=SteerSettings(hold_s=1.0)
 """A third reading of the paper: the angle is held for the first second of the clip; then the vehicle returns to its
 lane."""
 
-FOCUSED = Preset(
+FOCUSED = MutationPreset(
     name="focused",
     # Ours. Steering finds most failures, but braking could have avoided hardly any of them; it could have avoided three
     # in five of those that changes of timing find (pilot). So each of the two gets half of the children. Recipes that
@@ -220,21 +220,21 @@ LAWFUL = replace(
 )
 """Ours: opponents that keep the law and react to the ego; none is steered, swapped or faster than it was."""
 
-HEAVY_WEATHER = Preset(
+HEAVY_WEATHER = MutationPreset(
     name="heavy_weather", recipes=(("heavy_weather",),), targets="letter", farthest_m=None, steer=SteerSettings()
 )
 """One child: heavy weather, without other changes (paper, section 4.4, RQ5)."""
 
-PRESETS: Mapping[str, Preset] = MappingProxyType(
+PRESETS: Mapping[str, MutationPreset] = MappingProxyType(
     {p.name: p for p in (FOCUSED, PAPER, PAPER_LATE, PAPER_BRIEF, AVOIDABLE, LAWFUL, HEAVY_WEATHER)}
 )
 """All presets by name. A study derives its own presets with `dataclasses.replace`, and passes the object instead of a
 name."""
 
 
-def preset(name: str | Preset) -> Preset:
+def preset(name: str | MutationPreset) -> MutationPreset:
     """Return the preset of a name; a preset object is returned unchanged."""
-    if isinstance(name, Preset):
+    if isinstance(name, MutationPreset):
         return name
     if name not in PRESETS:
         close = difflib.get_close_matches(name, PRESETS, n=1)

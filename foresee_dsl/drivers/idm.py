@@ -78,7 +78,7 @@ LEAST_ARRIVAL_MPS = 3.0
 anywhere, so it would see no conflict and set off."""
 
 
-class _State:
+class _IdmState:
     """The state of the driver from one `reset` to the next.
 
     Attributes:
@@ -129,7 +129,7 @@ class _State:
         return reasons_alone(now, tracks, decided)
 
 
-class IdmDriver(BundledDriver[_State]):
+class IdmDriver(BundledDriver[_IdmState]):
     """Follows its lane with the Intelligent Driver Model, gives way, emergency brake (the floor).
 
     Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` has no effect.
@@ -137,7 +137,7 @@ class IdmDriver(BundledDriver[_State]):
 
     name = "idm"
     version = "1"
-    state_type = _State
+    state_type = _IdmState
     parts = (DriverPart.PERCEPTION, DriverPart.TRACKING, DriverPart.RULES, DriverPart.CONTROL)
 
 

@@ -61,7 +61,7 @@ class _Street:
     via: list[tuple[str, str]] = field(default_factory=list)
 
 
-class _Reader:
+class _SketchReader:
     """Reads a sketch line by line and collects its errors."""
 
     def __init__(self, text: str, path: str) -> None:
@@ -176,7 +176,7 @@ class _Reader:
 
 def network_of_sketch(text: str, name: str, path: str) -> m.Network:
     """Return the network of a sketch; `InputError` with every faulty line."""
-    sketch = _Reader(text, path)
+    sketch = _SketchReader(text, path)
     if sketch.diagnostics:
         raise InputError(
             tuple(sorted(sketch.diagnostics, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0)))
@@ -253,7 +253,7 @@ def _road(street: _Street) -> m.Road:
     return m.Road.model_validate(fields | {"via": tuple(_point(x, y) for x, y in street.via)})
 
 
-def _junction(node: str, sketch: _Reader, streets: Sequence[_Street]) -> m.Junction | m.Roundabout:
+def _junction(node: str, sketch: _SketchReader, streets: Sequence[_Street]) -> m.Junction | m.Roundabout:
     x, y, control = sketch.nodes[node]
     at = _point(x, y)
     touching = [street for street in streets if node in street.ends]
@@ -270,7 +270,7 @@ def _junction(node: str, sketch: _Reader, streets: Sequence[_Street]) -> m.Junct
     return m.Junction.model_validate({"name": node, "at": at, "crossings": crossings, **control_field})
 
 
-def _stages(node: str, sketch: _Reader, touching: Sequence[_Street]) -> Iterator[m.Stage]:
+def _stages(node: str, sketch: _SketchReader, touching: Sequence[_Street]) -> Iterator[m.Stage]:
     """Yield a stage for each pair of opposite streets, and for each single street; one-way streets that lead away get
     none."""
     x, y = (float(value) for value in sketch.nodes[node][:2])

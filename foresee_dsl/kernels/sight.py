@@ -66,7 +66,7 @@ class SightLimits(NamedTuple):
     least_marks: float
 
 
-class _Box(NamedTuple):
+class _SeenBox(NamedTuple):
     """A footprint relative to the eye, m.
 
     Attributes:
@@ -108,7 +108,7 @@ class _FacingWall(NamedTuple):
 
 
 BODIES, WALLS, LIMITS = array_of(BodyRecord), array_of(Wall), array_of(SightLimits)
-_BOX, _FACING_WALL = dtype_of(_Box), dtype_of(_FacingWall)
+_BOX, _FACING_WALL = dtype_of(_SeenBox), dtype_of(_FacingWall)
 
 
 @compiled(FLOAT, FLOAT, WALLS, FLOAT)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
 from foresee_dsl.report.show import film
-from foresee_dsl.simulate.results.criticality import Measure
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure
 from foresee_dsl.simulate.results.near_misses import near_misses
 from foresee_dsl.simulate.trace import SPEED, Trace, X
 from tests.support.hidden_walker import TEXT
@@ -138,7 +138,13 @@ def test_the_criticality_of_each_step_is_that_of_the_run(project: Path, written:
     worst = near_misses(trace)
     assert min(values["distance_m"]) == pytest.approx(worst.distance_m and worst.distance_m.value, abs=1e-4)
     assert min(values["pet_s"]) == pytest.approx(worst.pet_s and worst.pet_s.value)
-    for measure in (Measure.TTC, Measure.TTB, Measure.TTS, Measure.DELTA_V, Measure.RISK):
+    for measure in (
+        CriticalityMeasure.TTC,
+        CriticalityMeasure.TTB,
+        CriticalityMeasure.TTS,
+        CriticalityMeasure.DELTA_V,
+        CriticalityMeasure.RISK,
+    ):
         expected = getattr(worst, measure.value).value
         assert max(measure.sign * value for value in values[measure.value]) == pytest.approx(
             measure.sign * expected, abs=1e-4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from foresee_dsl.compile.roads.topology import Edge, Lane, Topology
+from foresee_dsl.compile.roads.topology import Lane, NetEdge, Topology
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.exchange.starter import check_network
 
@@ -18,4 +18,4 @@ def test_ids_that_cannot_be_said_are_refused(name: str) -> None:
 
 def _network(*edges: str) -> Topology:
     lane = Lane("lane", "", 0, ((0.0, 0.0), (9.0, 0.0)), 9.0, 14.0, 3.2, frozenset({"car"}), internal=False)
-    return Topology({}, {name: Edge(name, "a", "b", (lane,)) for name in edges}, {}, (), {}, {}, ())
+    return Topology({}, {name: NetEdge(name, "a", "b", (lane,)) for name in edges}, {}, (), {}, {}, ())

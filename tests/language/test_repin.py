@@ -9,7 +9,7 @@ import pytest
 from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.language.repinning.repin import State, describe, plan, summary, write
+from foresee_dsl.language.repinning.repin import PinState, describe, plan, summary, write
 from tests.support.repin_project import Repository
 
 
@@ -24,7 +24,7 @@ def said(changes: object) -> list[str]:
 
 def test_nothing_to_do(project: Repository) -> None:
     derived_files = plan([project.root])
-    assert [derived.state for derived in derived_files] == [State.FRESH] * 3
+    assert [derived.state for derived in derived_files] == [PinState.FRESH] * 3
     assert write(derived_files) == ()
     assert summary(derived_files) == "3 up to date"
     assert describe(derived_files[0]) == ""
@@ -35,7 +35,7 @@ def test_what_reaches_a_clip_and_what_does_not(project: Repository) -> None:
     project.edit(project.scenario, "36 km/h", "40 km/h")
     project.edit(project.network, "lanes 2", "lanes 3")
     clip = plan([project.clip])[0]
-    assert clip.state is State.STALE and clip.has_old_parent
+    assert clip.state is PinState.STALE and clip.has_old_parent
     assert said(clip.reaching) == ["weather.rain: 0.3 => 0.5 (+0.2)", "road main.lanes: 2 => 3 (+1)"]
     assert said(clip.overridden) == ["ego.start speed: 36 km/h => 40 km/h (+4 km/h)"]
     assert clip.commit and project.git("rev-parse", "HEAD").startswith(clip.commit)
@@ -44,7 +44,7 @@ def test_what_reaches_a_clip_and_what_does_not(project: Repository) -> None:
 def test_an_edit_of_another_case_or_of_layout_is_no_edit(project: Repository) -> None:
     project.edit(project.scenario, "case far { gap = 60 m }", "case far { gap = 70 m }  # further")
     project.edit(project.scenario, "36 km/h", "10 m/s")
-    assert {derived.state for derived in plan([project.root])} == {State.FRESH}
+    assert {derived.state for derived in plan([project.root])} == {PinState.FRESH}
 
 
 def test_the_pinned_version_is_found_behind_newer_ones(project: Repository) -> None:
@@ -68,7 +68,7 @@ def test_writing_changes_one_line_of_each_and_mutants_follow(project: Repository
     for derived in derived_files:
         assert derived.file.read_text() == before[derived.file].replace(derived.pin, derived.new_pin)
         load_test_case(derived.file)
-    assert {derived.state for derived in plan([project.root])} == {State.FRESH}
+    assert {derived.state for derived in plan([project.root])} == {PinState.FRESH}
 
 
 def test_line_ends_stay(project: Repository) -> None:
@@ -92,7 +92,7 @@ def test_a_comment_that_holds_the_pin_stays(project: Repository) -> None:
 def test_a_value_that_moved_under_a_mutant_is_a_conflict(project: Repository) -> None:
     project.edit(project.clip, "speed 8.00 m/s {\n", "speed 8.00 m/s {\n    timing 0.90\n")
     derived_files = plan([project.root])
-    assert [derived.state for derived in derived_files] == [State.FRESH, State.CONFLICT, State.CONFLICT]
+    assert [derived.state for derived in derived_files] == [PinState.FRESH, PinState.CONFLICT, PinState.CONFLICT]
     (mistake,) = derived_files[1].mistakes
     assert mistake.code == "FS123" and "lead.timing is 0.90 in the clip now, not 1.00" in mistake.message
     assert said(derived_files[1].overridden) == ["added lead.timing: 0.90"]
@@ -106,14 +106,14 @@ def test_a_value_that_moved_under_a_mutant_is_a_conflict(project: Repository) ->
 def test_what_does_not_validate_is_a_conflict(project: Repository) -> None:
     project.edit(project.scenario, "weather rain 0.3", "weather rain 0.5")
     derived_files = plan([project.clip], lambda case: [Diagnostic("FS250", f"{case.scenario.name} is off the road")])
-    assert [derived.state for derived in derived_files] == [State.CONFLICT]
+    assert [derived.state for derived in derived_files] == [PinState.CONFLICT]
     assert derived_files[0].mistakes[0].message == "lead_brakes_p1 is off the road"
 
 
 def test_files_derived_from_a_conflict_are_blocked(project: Repository) -> None:
     project.edit(project.scenario, "case near { gap = 20 m }", "case close { gap = 20 m }")
     derived_files = plan([project.root])
-    assert [derived.state for derived in derived_files] == [State.CONFLICT, State.BLOCKED, State.BLOCKED]
+    assert [derived.state for derived in derived_files] == [PinState.CONFLICT, PinState.BLOCKED, PinState.BLOCKED]
     assert "no case 'near'" in derived_files[0].mistakes[0].message
     assert summary(derived_files) == "1 in conflict, 2 blocked"
 
@@ -121,7 +121,7 @@ def test_files_derived_from_a_conflict_are_blocked(project: Repository) -> None:
 def test_a_mutant_whose_clip_is_stale_and_not_named_is_blocked(project: Repository) -> None:
     project.edit(project.scenario, "weather rain 0.3", "weather rain 0.5")
     (mutant,) = plan([project.mutants[0]])
-    assert mutant.state is State.BLOCKED
+    assert mutant.state is PinState.BLOCKED
     assert mutant.mistakes[0].code == "FS135" and "is stale itself" in mutant.mistakes[0].message
     assert "blocked" in describe(mutant)
 
@@ -130,9 +130,9 @@ def test_without_git_the_old_version_is_unknown(tmp_path: Path) -> None:
     project = Repository(tmp_path, git=False)
     project.edit(project.scenario, "weather rain 0.3", "weather rain 0.5")
     clip, mutant, _ = plan([project.clip])
-    assert (clip.state, clip.has_old_parent, clip.reaching) == (State.STALE, False, ())
+    assert (clip.state, clip.has_old_parent, clip.reaching) == (PinState.STALE, False, ())
     assert "the change is unknown" in describe(clip)
-    assert mutant.follows and mutant.state is State.STALE
+    assert mutant.follows and mutant.state is PinState.STALE
     write((clip, mutant))
     load_test_case(project.mutants[0])
 
@@ -141,7 +141,7 @@ def test_a_version_that_was_never_committed_is_unknown(project: Repository) -> N
     pin = plan([project.clip])[0].pin
     project.edit(project.clip, pin, "sha256:000000000000")
     clip = plan([project.clip])[0]
-    assert (clip.state, clip.has_old_parent) == (State.STALE, False)
+    assert (clip.state, clip.has_old_parent) == (PinState.STALE, False)
     assert clip.new_pin == pin
 
 
@@ -152,7 +152,7 @@ def test_a_mutant_of_a_mutant_follows(project: Repository) -> None:
     again = project.write("children/again.foresee", text)
     project.edit(project.scenario, "weather rain 0.3", "weather rain 0.5")
     derived_files = plan([project.clip])
-    assert {derived.state for derived in derived_files} == {State.STALE} and len(derived_files) == 4
+    assert {derived.state for derived in derived_files} == {PinState.STALE} and len(derived_files) == 4
     write(derived_files)
     load_test_case(again)
 
@@ -167,7 +167,7 @@ def test_a_scenario_cannot_be_pinned_again(project: Repository) -> None:
 def test_a_file_that_is_its_own_parent_ends(project: Repository) -> None:
     project.edit(project.mutants[0], "lead_brakes_p1.foresee", "lead_brakes_p1_m1.foresee")
     mutant = next(file for file in plan([project.mutants[0]]) if file.file == project.mutants[0])
-    assert mutant.state is State.CONFLICT
+    assert mutant.state is PinState.CONFLICT
 
 
 def test_in_words(project: Repository) -> None:

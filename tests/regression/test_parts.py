@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.regression.comparison import Change, ComparedRun, Side, compare, exact_p
+from foresee_dsl.campaign.regression.comparison import ComparedRun, OutcomeChange, Side, compare, exact_p
 from foresee_dsl.campaign.regression.edits import with_doc, with_expected, with_paths
 from foresee_dsl.campaign.regression.expectations import (
     Status,
@@ -142,7 +142,7 @@ def test_what_a_comparison_says() -> None:
     good = dict.fromkeys("abcdefghij", Verdict.PASS)
     bad = good | dict.fromkeys("abcdefg", Verdict.F2) | {"h": Verdict.INVALID}
     found = compare(side("old", good, {"i": 1.5, "j": 1.5}), side("new", bad, {"i": 1.4, "j": 0.4}))
-    assert len(found.of(Change.NEW_FAILURE)) == 7 and not found.of(Change.FIXED)
+    assert len(found.of(OutcomeChange.NEW_FAILURE)) == 7 and not found.of(OutcomeChange.FIXED)
     assert [(pair.new.name, pair.nearer.now) for pair in found.nearer if pair.nearer] == [("j", 0.4)]  # i: too little
     assert found.only_base == ("h",)
     assert [(row.label, row.pairs, row.new_failures, round(row.p, 4)) for row in found.rows] == [

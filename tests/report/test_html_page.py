@@ -30,13 +30,13 @@ from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.playback import ego_way, shown_frames
 from foresee_dsl.report.page.running import EVERY_S, RunningPage
-from foresee_dsl.report.page.runs import FailingRun, Reader, Run
+from foresee_dsl.report.page.runs import FailingRun, Reader, RunEntry
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
 from foresee_dsl.report.show.panels import VIEW_S
 from foresee_dsl.report.show.sources import RunRequest, find
 from foresee_dsl.report.show.steps import recorded_steps
-from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.sensing.settings import STANDARD
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
@@ -287,7 +287,7 @@ def test_curves_are_those_of_the_run(opened: Opened, out: Path, findings: list[d
     other = trace.index(opened.ask("foresee.player.run.opponent.id"))
     opened.page.select_option(".measure", "ttc_s")
     drawn = opened.ask("foresee.player.gap.lines[0].values")
-    expected = criticality(trace, other)[Measure.TTC][shown_frames(trace.frames)]
+    expected = criticality(trace, other)[CriticalityMeasure.TTC][shown_frames(trace.frames)]
     assert [value is not None for value in drawn] == np.isfinite(expected).tolist()
     assert [value for value in drawn if value is not None] == pytest.approx(expected[np.isfinite(expected)], abs=0.006)
     opened.page.keyboard.press("Escape")
@@ -496,7 +496,7 @@ def hostile_contents() -> Contents:
         name=HOSTILE, address=HOSTILE, record=JudgedRun(verdict=Verdict.F2, reason=HOSTILE, judgements=judgements),
         driver=HOSTILE, seed=0, trace=None,
     )  # fmt: skip
-    run = Run(
+    run = RunEntry(
         outcome=outcome, id="", title=HOSTILE, moments=(Moment(1.0, HOSTILE, HOSTILE, HOSTILE),), label=HOSTILE,
         class_=HOSTILE, forecast=HOSTILE, changes=(HOSTILE,), unreduced=(HOSTILE,), note=HOSTILE,
         commands=((HOSTILE, HOSTILE),), missing=(HOSTILE,),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.kernels.constants import HARDEST_BRAKING_MPS2 as HARDEST
-from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.results.near_misses import near_misses, times_between
 from foresee_dsl.simulate.trace import ACCELERATION
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
@@ -107,16 +107,16 @@ def test_figures_of_commonroad_crime(
     }
     series = criticality(make_trace(tracks), 1)
     at = round(time_s / 0.05)
-    assert series[Measure.TTC][at] == pytest.approx(ttc_s, rel=0.01)
-    assert series[Measure.DRAC][at] == pytest.approx(braking_mps2, rel=0.01)
-    assert series[Measure.BTN][at] == pytest.approx(btn, rel=0.01)
+    assert series[CriticalityMeasure.TTC][at] == pytest.approx(ttc_s, rel=0.01)
+    assert series[CriticalityMeasure.DRAC][at] == pytest.approx(braking_mps2, rel=0.01)
+    assert series[CriticalityMeasure.BTN][at] == pytest.approx(btn, rel=0.01)
     if delta_v_mps is not None:
-        assert series[Measure.DELTA_V][at] == pytest.approx(delta_v_mps, rel=0.01)
+        assert series[CriticalityMeasure.DELTA_V][at] == pytest.approx(delta_v_mps, rel=0.01)
 
 
 def test_every_measure_is_a_near_miss() -> None:
     empty = near_misses(make_trace({"ego": straight("car", 0, 0, EAST, 10, seconds=1)}))
-    assert {measure.value for measure in Measure} | {"distance_m", "pet_s"} == set(vars(empty))
+    assert {measure.value for measure in CriticalityMeasure} | {"distance_m", "pet_s"} == set(vars(empty))
     assert set(vars(empty).values()) == {None}
 
 

@@ -33,7 +33,7 @@ Ending = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class _Subject:
+class _FindingRun:
     """A finding's run: its test case, the driver's seed, the key of its result, and how it ended."""
 
     case: TestCase
@@ -57,7 +57,7 @@ def repeated(
         The repeats by the name of the finding.
     """
     nodes = {node.step.name: node for node in stages.named({_node_name(finding) for finding in result.findings})}
-    subjects: dict[str, _Subject] = {}
+    subjects: dict[str, _FindingRun] = {}
     stored: dict[str, Repeats] = {}
     for finding in result.findings:
         subject = _subject(finding, nodes[_node_name(finding)], traces, stages, store)
@@ -86,7 +86,7 @@ def repeated(
 
 
 def _run_again(
-    subjects: Mapping[str, _Subject],
+    subjects: Mapping[str, _FindingRun],
     endings: Mapping[str, list[Ending]],
     result: CampaignResult,
     options: RunOptions,
@@ -126,7 +126,7 @@ def _node_name(finding: Finding) -> str:
 
 def _subject(
     finding: Finding, node: StepNode, traces: Mapping[str, tuple[str, str]], stages: Stages, store: Store
-) -> _Subject | None:
+) -> _FindingRun | None:
     """Return what is run for a finding; None if its run hung or left no trace."""
     run, seed = finding.run, node.step.seed
     if run.hangs:
@@ -145,4 +145,4 @@ def _subject(
         case = replace(expand_mutant(mutant_of(run.text), clip, source=folder / f"{run.name}.foresee"), document=None)
         digest = run.digest
     own = key(ChildStep, repeats=node.step.key, digest=digest)
-    return _Subject(case, seed, own, (run.verdict.value, digest))
+    return _FindingRun(case, seed, own, (run.verdict.value, digest))

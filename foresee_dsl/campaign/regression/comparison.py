@@ -73,7 +73,7 @@ class Side:
     broken: tuple[str, ...] = ()
 
 
-class Change(StrEnum):
+class OutcomeChange(StrEnum):
     """The kinds of change of a test case between the two sides."""
 
     NEW_FAILURE = "new failure"
@@ -100,18 +100,18 @@ class Pair:
         }
 
     @property
-    def change(self) -> Change:
+    def change(self) -> OutcomeChange:
         """Return how the test case changed."""
         if self.base.failed:
-            return Change.STILL_FAILING if self.new.failed else Change.FIXED
-        return Change.NEW_FAILURE if self.new.failed else Change.STILL_PASSING
+            return OutcomeChange.STILL_FAILING if self.new.failed else OutcomeChange.FIXED
+        return OutcomeChange.NEW_FAILURE if self.new.failed else OutcomeChange.STILL_PASSING
 
     @cached_property
     def nearer(self) -> Nearer | None:
         """Return the measure that moved most towards a failure, for a pair that passes on both sides; None if there is
         none.
         """
-        if self.change is not Change.STILL_PASSING:
+        if self.change is not OutcomeChange.STILL_PASSING:
             return None
         candidates = [
             candidate for name in MEASURES if (candidate := _nearer(name, self.base.near, self.new.near)) is not None
@@ -156,7 +156,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class CampaignComparison:
     """Two sides, paired. `edited`: test cases of the same name whose meaning differs."""
 
     base: Side
@@ -203,19 +203,19 @@ class Comparison:
     @property
     def new_failures(self) -> tuple[Pair, ...]:
         """Return the test cases that pass on the old side and fail on the new one."""
-        return self.of(Change.NEW_FAILURE)
+        return self.of(OutcomeChange.NEW_FAILURE)
 
     @property
     def fixed(self) -> tuple[Pair, ...]:
         """Return the pairs that only the new side passes."""
-        return self.of(Change.FIXED)
+        return self.of(OutcomeChange.FIXED)
 
     @property
     def still_failing(self) -> tuple[Pair, ...]:
         """Return the pairs that neither side passes."""
-        return self.of(Change.STILL_FAILING)
+        return self.of(OutcomeChange.STILL_FAILING)
 
-    def of(self, change: Change) -> tuple[Pair, ...]:
+    def of(self, change: OutcomeChange) -> tuple[Pair, ...]:
         """Return the pairs of one kind; crashes and timeouts first."""
         pairs = (pair for pair in self.pairs if pair.change is change)
         return tuple(sorted(pairs, key=lambda pair: (pair.new.verdict.is_failure, pair.new.name)))
@@ -249,7 +249,7 @@ class Comparison:
         return f"{counts}: {chance} (p = {total.p:.2g}, exact two-sided test)"
 
 
-def compare(base: Side, new: Side) -> Comparison:
+def compare(base: Side, new: Side) -> CampaignComparison:
     """Return two sides with their test cases paired by meaning; test cases that are invalid on one side (a collision at
     the start) are left out.
     """
@@ -257,7 +257,7 @@ def compare(base: Side, new: Side) -> Comparison:
     pairs = tuple(Pair(a[key], b[key]) for key in a if key in b)
     left, right = ({ran.name for key, ran in own.items() if key not in other} for own, other in ((a, b), (b, a)))
     edited = left & right
-    return Comparison(
+    return CampaignComparison(
         base, new, pairs, tuple(sorted(left - edited)), tuple(sorted(right - edited)), tuple(sorted(edited))
     )
 

@@ -71,7 +71,7 @@ def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:
     """
     if mistakes := placement_mistakes([source.case for source in sources]):
         raise InputError(mistakes)
-    writer = _Writer(folder)
+    writer = _SuiteFiles(folder)
     tests = tuple(writer.test(source, name or source.name) for source in sources)
     writer.write(sources, tests)
     write_index(folder, tests_in(folder))
@@ -109,7 +109,7 @@ def prune(folder: Path) -> tuple[Path, ...]:
     return removed
 
 
-class _Writer:
+class _SuiteFiles:
     """The files of a suite, collected before any is written."""
 
     def __init__(self, folder: Path) -> None:

@@ -32,7 +32,7 @@ from foresee_dsl.files import absolute, read_outside, write_whole
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.language.repinning.repin import DerivedFile, State, plan
+from foresee_dsl.language.repinning.repin import DerivedFile, PinState, plan
 from foresee_dsl.simulate.results.verdict import Hang, RunRecord, Verdict
 
 LONGEST_S = 300.0
@@ -254,7 +254,7 @@ def _why_stale(derived: DerivedFile | None) -> str | None:
     """Return why a clip or mutant cannot be run under its edited parent; "" if it can, None if that is unknown."""
     if derived is None:
         return None
-    if derived.state in (State.CONFLICT, State.BLOCKED):
+    if derived.state in (PinState.CONFLICT, PinState.BLOCKED):
         messages = [mistake.message for mistake in derived.mistakes if mistake.code != "FS135"]
         return f"it no longer fits its parent: {messages[0]}" if messages else None
     if not derived.has_old_parent or derived.old is None or derived.new is None:

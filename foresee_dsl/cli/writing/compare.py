@@ -169,7 +169,7 @@ def repin(
     foresee repin regressions --write
     foresee repin clip.foresee --run[/dim]
     """
-    from foresee_dsl.language.repinning.repin import State, describe, plan, summary
+    from foresee_dsl.language.repinning.repin import PinState, describe, plan, summary
     from foresee_dsl.language.repinning.repin import write as write_pins
 
     derived_files = plan(paths, _placement)
@@ -177,9 +177,9 @@ def repin(
     if run:
         from foresee_dsl.campaign.regression.before_and_after import before_and_after
 
-        verdicts = before_and_after([derived for derived in derived_files if derived.state is State.STALE])
+        verdicts = before_and_after([derived for derived in derived_files if derived.state is PinState.STALE])
     written = write_pins(derived_files) if write else ()
-    failed = [derived for derived in derived_files if derived.state in (State.CONFLICT, State.BLOCKED)]
+    failed = [derived for derived in derived_files if derived.state in (PinState.CONFLICT, PinState.BLOCKED)]
     if json:
         from foresee_dsl.documents import plain
 

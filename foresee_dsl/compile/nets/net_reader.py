@@ -12,11 +12,11 @@ from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import (
     STRIPS_ON_THE_ROAD,
     Crossing,
-    Edge,
-    Junction,
     Lane,
     LaneKind,
     Movement,
+    NetEdge,
+    NetJunction,
     Topology,
     WalkingArea,
     junction_of,
@@ -75,7 +75,7 @@ def topology_of(root: Element) -> Topology:
     functions: dict[str, str] = {}
     over: dict[str, tuple[str, ...]] = {}
     lanes: dict[str, Lane] = {}
-    edges: dict[str, Edge] = {}
+    edges: dict[str, NetEdge] = {}
     for element in root.iterfind("edge"):
         name, function = element.attrib["id"], element.get("function", "normal")
         functions[name] = function
@@ -83,7 +83,7 @@ def topology_of(root: Element) -> Topology:
         own = tuple(_lane(child, name, function, bus_lanes) for child in element.iterfind("lane"))
         lanes.update((lane.id, lane) for lane in own)
         if function == "normal":
-            edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
+            edges[name] = NetEdge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
     junctions, rows = _junctions(root)
     programs = {element.get("id") for element in root.iterfind("tlLogic")}
     connections = [_without_missing_signal(element.attrib, programs) for element in root.iterfind("connection")]
@@ -175,9 +175,9 @@ def _kinds(allow: str | None, disallow: str | None) -> frozenset[LaneKind]:
     return frozenset(kind for kind, word in _SUMO_CLASS.items() if word not in words)
 
 
-def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
+def _junctions(root: Element) -> tuple[dict[str, NetJunction], dict[str, int]]:
     """Return the junctions, and for each internal lane its row in the junction's right-of-way matrix."""
-    junctions: dict[str, Junction] = {}
+    junctions: dict[str, NetJunction] = {}
     rows: dict[str, int] = {}
     for element in root.iterfind("junction"):
         get = element.attrib
@@ -185,7 +185,7 @@ def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
             continue
         rows.update((lane, k) for k, lane in enumerate(get.get("intLanes", "").split()))
         requests = sorted((int(r.attrib["index"]), r.attrib) for r in element.iterfind("request"))
-        junctions[get["id"]] = Junction(
+        junctions[get["id"]] = NetJunction(
             id=get["id"],
             type=get.get("type", ""),
             x=float(get["x"]),
@@ -198,7 +198,7 @@ def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
 
 def _movements(
     connections: Iterable[dict[str, str]],
-    edges: dict[str, Edge],
+    edges: dict[str, NetEdge],
     lanes: dict[str, Lane],
     rows: dict[str, int],
     faults: Mapping[tuple[str, str], str],

@@ -160,7 +160,7 @@ class _Unpacked(RawIOBase):
         return data
 
 
-class _Pieces:
+class _FileInBlocks:
     """A file for the parser, in blocks; it raises an error if a tag, text or comment is longer than `LONGEST_BYTES`."""
 
     def __init__(self, path: Path, file: BinaryIO, error: type[ForeseeError]) -> None:
@@ -187,7 +187,7 @@ def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool, limit: str 
     depth = count = attributes = 0
     root: Element | None = None
     with open_packed(path, error, limit) as file:
-        pieces = _Pieces(path, file, error)
+        pieces = _FileInBlocks(path, file, error)
         for event, element in iterparse(pieces, events=("start", "end")):
             pieces.pending = 0
             if event == "end":

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile.roads import routing
 from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance, distance_to, inside, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine, build_line
-from foresee_dsl.compile.roads.topology import Lane, LaneKind, Roundabout, Topology
+from foresee_dsl.compile.roads.topology import Lane, LaneKind, NetRoundabout, Topology
 from foresee_dsl.errors import measured
 from foresee_dsl.helps import write
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -327,12 +327,12 @@ class RoadNetwork(Topology):
         return self._indices[kind]
 
 
-def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
+def rings_of(network: Network | Path) -> Mapping[str, NetRoundabout]:
     """Return the roundabouts of a network written in the language, by name; an imported one has none."""
     if isinstance(network, Path):
         return {}
     return {
-        name: Roundabout(
+        name: NetRoundabout(
             frozenset(ring.nodes),
             ring.centre,
             tuple(ring.place(math.tau * k / _CORNERS, ring.outer_m) for k in range(_CORNERS)),

@@ -67,7 +67,7 @@ class Lane:
 
 
 @dataclass(frozen=True, eq=False)
-class Edge:
+class NetEdge:
     """A road in one direction: `start` and `end` are junctions."""
 
     id: str
@@ -86,7 +86,7 @@ class Edge:
 
 
 @dataclass(frozen=True, eq=False)
-class Junction:
+class NetJunction:
     """A junction of edges.
 
     `requests[k]` is row k of SUMO's right-of-way matrix, which has one row for each link: (response, foes) as bit masks
@@ -143,7 +143,7 @@ class Movement:
 
 
 @dataclass(frozen=True, eq=False)
-class Roundabout:
+class NetRoundabout:
     """Several junctions that have one name in the language: centre of the ring, m, and its outline."""
 
     nodes: frozenset[str]
@@ -190,15 +190,15 @@ class Topology:
     """
 
     lanes: Mapping[str, Lane]
-    edges: Mapping[str, Edge]
-    junctions: Mapping[str, Junction]
+    edges: Mapping[str, NetEdge]
+    junctions: Mapping[str, NetJunction]
     movements: tuple[Movement, ...]
     crossings: Mapping[str, Crossing]
     walking_areas: Mapping[str, WalkingArea]
     footways: tuple[tuple[str, str], ...]
     left_hand: bool = False
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    rings: Mapping[str, Roundabout] = field(default_factory=dict)
+    rings: Mapping[str, NetRoundabout] = field(default_factory=dict)
     joints: frozenset[str] = frozenset()
     _graphs: dict[LaneKind, nx.DiGraph[str]] = field(default_factory=dict, init=False)
 
@@ -242,7 +242,7 @@ class Topology:
         """Return all movements through a junction."""
         return tuple(m for m in self.movements if m.junction == junction)
 
-    def edges_at(self, junction: str) -> Sequence[Edge]:
+    def edges_at(self, junction: str) -> Sequence[NetEdge]:
         """Return the edges that begin or end at a junction."""
         return self._edges_by.get(junction, ())
 
@@ -284,8 +284,8 @@ class Topology:
         return self._graphs[kind]
 
     @cached_property
-    def _edges_by(self) -> dict[str, list[Edge]]:
-        edges: dict[str, list[Edge]] = {}
+    def _edges_by(self) -> dict[str, list[NetEdge]]:
+        edges: dict[str, list[NetEdge]] = {}
         for edge in self.edges.values():
             for junction in dict.fromkeys((edge.start, edge.end)):
                 edges.setdefault(junction, []).append(edge)

@@ -22,7 +22,7 @@ from foresee_dsl.derive.operators.situation import (
     is_free,
     multiples,
 )
-from foresee_dsl.derive.presets import HeadStartSettings, Preset
+from foresee_dsl.derive.presets import HeadStartSettings, MutationPreset
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
@@ -58,7 +58,7 @@ class TimingShift(Shift):
 
     name = property = "timing"
 
-    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+    def values(self, situation: Situation, target: str, preset: MutationPreset) -> Sequence[float]:
         """Return the factors at which the model does not exceed its maximum speed."""
         settings = preset.timing
         if situation.driven_m(target) < settings.least_way_m:
@@ -85,7 +85,7 @@ class DelayShift(Shift):
 
     name = property = "delay"
 
-    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+    def values(self, situation: Situation, target: str, preset: MutationPreset) -> Sequence[float]:
         """Return the allowed delays, which lie around the present delay."""
         settings, was = preset.delay, situation.present_value(target, self.property)
         stops = situation.speed_mps(target, 0) <= STANDS_MPS or situation.kind(target) == "pedestrian"
@@ -109,7 +109,7 @@ class HeadStart(Shift):
 
     name, property = "head_start", "moving"
 
-    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+    def values(self, situation: Situation, target: str, preset: MutationPreset) -> Sequence[float]:
         """Return the places on the target's path where it touches no other actor at the beginning, m."""
         was = situation.present_value(target, self.property)
         moves = situation.speed_mps(target, 0) > STANDS_MPS
@@ -152,7 +152,7 @@ class LineShift(Shift):
 
     name = property = "line"
 
-    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+    def values(self, situation: Situation, target: str, preset: MutationPreset) -> Sequence[float]:
         """Return the allowed offsets to the left of the target's own line, m (negative: to the right)."""
         settings, was = preset.line, situation.present_value(target, self.property)
         rides = situation.kind(target) == "bicycle" and situation.on_lanes(target)
@@ -189,7 +189,7 @@ class StyleChange(BuiltIn):
 
     name = property = "style"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+    def changes(self, situation: Situation, target: str, preset: MutationPreset, rng: Generator) -> tuple[Change, ...]:
         """Draw one of the other styles."""
         if not situation.on_lanes(target) or situation.driven_m(target) < preset.timing.least_way_m:
             return ()
@@ -214,7 +214,7 @@ class StyleChange(BuiltIn):
         return rolled
 
 
-def _moves_on_path(situation: Situation, target: str, preset: Preset) -> bool:
+def _moves_on_path(situation: Situation, target: str, preset: MutationPreset) -> bool:
     return situation.follows_path(target) and situation.driven_m(target) >= preset.timing.least_way_m
 
 
@@ -268,7 +268,7 @@ class HeavyWeather(BuiltIn):
 
     name, property = "heavy_weather", "weather"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+    def changes(self, situation: Situation, target: str, preset: MutationPreset, rng: Generator) -> tuple[Change, ...]:
         """Return the changes of rain, fog and wetness that are below `HEAVY`."""
         del target, preset, rng
         return tuple(

@@ -24,7 +24,7 @@ from foresee_dsl.derive.operators.situation import (
     multiples,
     others_at,
 )
-from foresee_dsl.derive.presets import Preset, SteerSettings
+from foresee_dsl.derive.presets import MutationPreset, SteerSettings
 from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
@@ -47,7 +47,7 @@ class ModelSwap(BuiltIn):
 
     name, property = "model_swap", "model"
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+    def changes(self, situation: Situation, target: str, preset: MutationPreset, rng: Generator) -> tuple[Change, ...]:
         """Draw one of the models that fit."""
         del preset
         others = self.fitting(situation, target)
@@ -148,7 +148,7 @@ class Steer(Numeric):
 
     name = property = "steer"
 
-    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+    def values(self, situation: Situation, target: str, preset: MutationPreset) -> Sequence[float]:
         """Return the offsets that friction, comfort and the steering rate allow, as shares of the largest angle."""
         settings = preset.steer
         if not situation.on_lanes(target):
@@ -162,7 +162,7 @@ class Steer(Numeric):
         low, high = max(settings.low, -bound), min(settings.high, bound)
         return multiples(low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
 
-    def to(self, situation: Situation, target: str, preset: Preset, value: float) -> tuple[Change, ...]:
+    def to(self, situation: Situation, target: str, preset: MutationPreset, value: float) -> tuple[Change, ...]:
         """Return the change to an allowed offset, which begins at the onset and lasts for the preset's `hold_s`."""
         settings, onset_s = preset.steer, _onset_s(situation, preset.steer)
         begins = onset_s > 0 or settings.before_point_s is not None

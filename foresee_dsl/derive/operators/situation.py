@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.presets import HeadStartSettings, Preset
+from foresee_dsl.derive.presets import HeadStartSettings, MutationPreset
 from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
@@ -134,7 +134,7 @@ class Operator(Protocol):
 
     name: str
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+    def changes(self, situation: Situation, target: str, preset: MutationPreset, rng: Generator) -> tuple[Change, ...]:
         """Draw a change of the target; empty if no change of it has an effect."""
         ...
 
@@ -161,7 +161,7 @@ class BuiltIn(ABC):
     property: str
 
     @abstractmethod
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+    def changes(self, situation: Situation, target: str, preset: MutationPreset, rng: Generator) -> tuple[Change, ...]:
         """Draw a change of the target; empty if no change of it has an effect."""
 
     @abstractmethod
@@ -189,15 +189,15 @@ class Numeric(BuiltIn):
     """One of our operators that draws a number; all allowed values are equally likely."""
 
     @abstractmethod
-    def values(self, situation: Situation, target: str, preset: Preset) -> Sequence[float]:
+    def values(self, situation: Situation, target: str, preset: MutationPreset) -> Sequence[float]:
         """Return all values (SI) that the property of a target may take; empty if the operator cannot act on it."""
 
-    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+    def changes(self, situation: Situation, target: str, preset: MutationPreset, rng: Generator) -> tuple[Change, ...]:
         """Draw one of the allowed values."""
         values = self.values(situation, target, preset)
         return self.to(situation, target, preset, values[int(rng.integers(len(values)))]) if values else ()
 
-    def to(self, situation: Situation, target: str, preset: Preset, value: float) -> tuple[Change, ...]:
+    def to(self, situation: Situation, target: str, preset: MutationPreset, value: float) -> tuple[Change, ...]:
         """Return the change of a target's property to an allowed value."""
         del preset
         return self.changed(situation, target, value)

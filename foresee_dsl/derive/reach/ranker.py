@@ -18,7 +18,7 @@ from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.operators.paper import ModelSwap
 from foresee_dsl.derive.operators.situation import Numeric
-from foresee_dsl.derive.presets import Preset, preset
+from foresee_dsl.derive.presets import MutationPreset, preset
 from foresee_dsl.derive.reach.rolling import ReachSettings, Rolling, RollOut
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.geometry import distances_to_ego
@@ -233,7 +233,7 @@ class ReachRanker:
         return self.mutations.models if self.mutations is not None else _usual(trace)
 
 
-def _operators(chosen: Preset) -> list[Numeric | ModelSwap]:
+def _operators(chosen: MutationPreset) -> list[Numeric | ModelSwap]:
     """Return those operators of a preset that can be rolled out."""
     by_name = operators()
     names = dict.fromkeys(name for recipe in chosen.recipes for name in recipe)

@@ -19,7 +19,7 @@ from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.derive.operators.ours import Shift
 from foresee_dsl.derive.operators.paper import RECOVERS_S, ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
@@ -242,7 +242,7 @@ class Rolling:
 
     trace: Trace
     models: Mapping[str, ModelSpec]
-    preset: Preset
+    preset: MutationPreset
     settings: ReachSettings
     operators: Sequence[Numeric | ModelSwap]
     gaps: FloatArray

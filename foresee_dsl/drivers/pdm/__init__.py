@@ -35,7 +35,7 @@ class _Decision(NamedTuple):
     signals: Mapping[str, SignalColour]
 
 
-class _State:
+class _PdmState:
     """The state of the driver from one `reset` to the next.
 
     It holds the route, the ego's record [1] and the memory of that record as floats, the tracks and the signals.
@@ -111,7 +111,7 @@ class _State:
         return self._explained[1]
 
 
-class PdmDriver(BundledDriver[_State]):
+class PdmDriver(BundledDriver[_PdmState]):
     """IDM proposals along the route, scored against constant-velocity predictions (after PDM-Closed, 2023).
 
     Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` has no effect.
@@ -119,5 +119,5 @@ class PdmDriver(BundledDriver[_State]):
 
     name = "pdm"
     version = "2"
-    state_type = _State
+    state_type = _PdmState
     parts = tuple(DriverPart)

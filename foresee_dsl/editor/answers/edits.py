@@ -52,7 +52,7 @@ def edits(diagnostic: Diagnostic, span: Span, text: str) -> Iterator[tuple[Purpo
 
     The caller needs only one edit per purpose.
     """
-    place = _Place(span, text)
+    place = _MarkedText(span, text)
     meant = meant_at(diagnostic.fixes, place.written)
     if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
         start, end, right = meant
@@ -73,7 +73,7 @@ def _texts_of(fix: h.Edit) -> tuple[str, ...]:
     return ()
 
 
-class _Place:
+class _MarkedText:
     """The part of a text that a diagnostic marks, and the edits that are possible there."""
 
     def __init__(self, span: Span, text: str) -> None:

@@ -20,14 +20,14 @@ _UNORDERED_BODIES = (m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
 
 
 @dataclass(frozen=True)
-class _Place:
+class _PathInModel:
     """The place that the comparison has reached, in words and as a path in the first model."""
 
     words: str
     at: At
     group: Group
 
-    def inside(self, *steps: str | int, words: str | None = None) -> _Place:
+    def inside(self, *steps: str | int, words: str | None = None) -> _PathInModel:
         return replace(self, words=self.words if words is None else words, at=(*self.at, *steps))
 
 
@@ -46,7 +46,7 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
         help = "compare two files of one kind, or a clip or mutant with its expanded parent"
         raise mistake("FS140", message, help, "")
     after, names = _renames(a, b)
-    place = _Place("", (), _group_of_file(a))
+    place = _PathInModel("", (), _group_of_file(a))
     renamings = (
         Difference(_group(place, after, item), w.label(item), "renamed", old, new, "", Edit("rename", (), (old, new)))
         for old, new in names
@@ -61,7 +61,7 @@ def _group_of_file(model: m.Item) -> Group:
     return "environment" if isinstance(model, m.Catalogue) else "parent"
 
 
-def _group(place: _Place, owner: m.Item, item: m.Item) -> Group:
+def _group(place: _PathInModel, owner: m.Item, item: m.Item) -> Group:
     """Return the group of a statement; a statement inside another one has the group of the outer statement."""
     return place.group if place.words or isinstance(owner, m.Network | m.Catalogue) else w.group_of(item)
 
@@ -85,7 +85,7 @@ def _no_field(item: m.Item) -> tuple[str, ...]:
     return () if isinstance(item, m.Actor) else ("kind",)
 
 
-def _item(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
+def _item(place: _PathInModel, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two items at one place."""
     if same_value(a, b):
         return
@@ -106,14 +106,14 @@ def _text_of(item: m.Item) -> str:
     return w.tail(item) if w.is_statement(item) else w.text(item)
 
 
-def _statement(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
+def _statement(place: _PathInModel, a: m.Item, b: m.Item) -> Iterator[Difference]:
     if w.by_settings(a) or all(is_condition(getattr(a, name)) for name in _apart(a, b)):
         yield from _settings(place, a, b)
     else:
         yield _changed(place, a, b, w.tail(a), w.tail(b) if w.label(a) == w.label(b) else w.text(b))
 
 
-def _settings(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
+def _settings(place: _PathInModel, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two items of one class field by field."""
     for name in _apart(a, b):
         if name in _no_field(a):
@@ -139,7 +139,7 @@ def _absent(value: object, other: object) -> bool:
     return value is None or value is False or (value == () and other is not None)
 
 
-def _changed(place: _Place, a: object, b: object, was: str | None, now: str | None) -> Difference:
+def _changed(place: _PathInModel, a: object, b: object, was: str | None, now: str | None) -> Difference:
     kind = kind_of(was, now)
     note = w.note(a, b) if kind == "changed" else ""
     if kind == "changed" and was == now:  # different values can have equal texts
@@ -150,7 +150,7 @@ def _changed(place: _Place, a: object, b: object, was: str | None, now: str | No
 # ---- conditions ----------------------------------------------------------------------------------------------------
 
 
-def _condition(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
+def _condition(place: _PathInModel, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two conditions of one class, down to the smallest parts that can be printed on their own."""
     apart = [(name, getattr(a, name), getattr(b, name)) for name in _apart(a, b)]
     for _, before, after in apart:
@@ -172,14 +172,14 @@ def _all_parts(test: Callable[[object], bool], a: object, b: object) -> bool:
 # ---- blocks --------------------------------------------------------------------------------------------------------
 
 
-def _block(place: _Place, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item]) -> Iterator[Difference]:
+def _block(place: _PathInModel, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item]) -> Iterator[Difference]:
     """Compare the statements of two blocks, or the parts of two conditions."""
     pairs = match(a, b)
     words = _labels(a)
     for i, item in enumerate(a):
         if isinstance(item, m.FOR_PEOPLE):
             continue
-        there = _Place(_inside(place.words, item, words[i]), (*place.at, i), _group(place, owner, item))
+        there = _PathInModel(_inside(place.words, item, words[i]), (*place.at, i), _group(place, owner, item))
         if i in pairs:
             yield from _item(there, item, b[pairs[i]])
         else:
@@ -202,7 +202,7 @@ def _labels(items: Sequence[m.Item]) -> list[str]:
     return labels
 
 
-def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
+def _inserted(place: _PathInModel, owner: m.Item, b: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
     back = {j: i for i, j in pairs.items()}
     words = _labels(b)
     last: dict[object, int] = {}
@@ -226,7 +226,7 @@ def _family(owner: m.Item, item: m.Item) -> object:
     return "all"
 
 
-def _orders(place: _Place, owner: m.Item, a: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
+def _orders(place: _PathInModel, owner: m.Item, a: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
     """Yield the changes of order that have a meaning."""
     families: dict[object, list[int]] = {}
     for i in pairs:

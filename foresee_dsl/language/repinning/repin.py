@@ -29,7 +29,7 @@ Validate = Callable[[TestCase], Sequence[Diagnostic]]
 """Returns the errors of a test case on its built network; the command line passes the compiler's check."""
 
 
-class State(StrEnum):
+class PinState(StrEnum):
     """State of a derived file, which determines what can be done."""
 
     FRESH = "fresh"
@@ -62,7 +62,7 @@ class DerivedFile:
     """
 
     file: Path
-    state: State
+    state: PinState
     parent: str
     pin: str
     new_pin: str = ""
@@ -113,7 +113,7 @@ def write(derived_files: Iterable[DerivedFile]) -> tuple[Path, ...]:
     """Write the new pins of stale derived files, one line of each file, and return the files."""
     written = []
     for derived in derived_files:
-        if derived.state is State.STALE and derived.document is not None:
+        if derived.state is PinState.STALE and derived.document is not None:
             write_whole(
                 derived.file, with_pin(read_outside(derived.file).decode("utf-8"), derived.document, derived.new_pin)
             )
@@ -167,7 +167,7 @@ class _Planner:
         while todo:
             path = todo.pop(0)
             derived = self._state_of(path)
-            if derived.state is State.STALE:
+            if derived.state is PinState.STALE:
                 new = [beside for beside in _siblings(path) if beside not in self._files]
                 self._files |= {beside: self._files[path].with_name(beside.name) for beside in new}
                 todo += new
@@ -193,20 +193,22 @@ class _Planner:
     ) -> DerivedFile:
         case = model.case if isinstance(model, m.Clip) else None
         address = display_path(self._files[path].parent / model.parent) + (f"::{case}" if case else "")
-        derived = DerivedFile(self._files[path], State.FRESH, address, model.pin)
-        if before is not None and before.state in (State.CONFLICT, State.BLOCKED):
-            return replace(derived, state=State.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),))
+        derived = DerivedFile(self._files[path], PinState.FRESH, address, model.pin)
+        if before is not None and before.state in (PinState.CONFLICT, PinState.BLOCKED):
+            return replace(
+                derived, state=PinState.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),)
+            )
         try:
             now = self._parent(address, before)
         except InputError as error:
             stale = any(diagnostic.code == "FS135" for diagnostic in error.diagnostics)
-            state = State.BLOCKED if stale else State.CONFLICT
+            state = PinState.BLOCKED if stale else PinState.CONFLICT
             why = (_because(document, model, "is stale itself"),) if stale else error.diagnostics
             return replace(derived, state=state, mistakes=why)
         derived = replace(derived, new_pin=pin_of(now))
         if derived.new_pin == model.pin:
             return derived
-        derived = replace(derived, state=State.STALE)
+        derived = replace(derived, state=PinState.STALE)
         if before is not None and _pin_before(before) == derived.pin:
             return self._compared(replace(derived, follows=True), document, before.old, now)
         pinned = self._history.parent(parent, case, derived.pin)
@@ -218,7 +220,7 @@ class _Planner:
         if before is None:
             return self._strict.test_case(address)
         now = before.new if before.new is not None else self._strict.test_case(address)
-        if now.clip is None or now.mutant is not None or before.state is not State.STALE:
+        if now.clip is None or now.mutant is not None or before.state is not PinState.STALE:
             return now
         return replace(now, clip=now.clip.model_copy(update={"pin": before.new_pin}))
 
@@ -236,7 +238,7 @@ class _Planner:
         reaching = diff_cases(old, new) if old is not None and new is not None else ()
         expected = {(change.path, change.was, change.now) for change in reaching}
         overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in expected) if new is not None else edit
-        derived = replace(derived, state=State.CONFLICT) if mistakes else derived
+        derived = replace(derived, state=PinState.CONFLICT) if mistakes else derived
         return replace(derived, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes)
 
 
@@ -278,12 +280,12 @@ def describe(derived: DerivedFile, verdict: tuple[str, str] | None = None, *, wr
 
     `verdict` holds the verdicts of its runs under the old parent ("" if unknown) and under the new one.
     """
-    if derived.state is State.FRESH:
+    if derived.state is PinState.FRESH:
         return ""
     lines = [_first_line(derived, written)]
     if derived.mistakes:
         lines.append(_indented(render_all(derived.mistakes)))
-    if derived.state is not State.BLOCKED and not derived.follows:
+    if derived.state is not PinState.BLOCKED and not derived.follows:
         lines += _edit(derived)
     if verdict is not None:
         was, now = verdict
@@ -294,16 +296,21 @@ def describe(derived: DerivedFile, verdict: tuple[str, str] | None = None, *, wr
 
 def summary(derived_files: Sequence[DerivedFile], *, written: bool = False) -> str:
     """Return the last line of the report: the number of derived files in each state."""
-    count = {state: sum(derived.state is state for derived in derived_files) for state in State}
+    count = {state: sum(derived.state is state for derived in derived_files) for state in PinState}
     done = "re-pinned" if written else "to re-pin (`--write` does it)"
-    words = {State.FRESH: "up to date", State.STALE: done, State.CONFLICT: "in conflict", State.BLOCKED: "blocked"}
+    words = {
+        PinState.FRESH: "up to date",
+        PinState.STALE: done,
+        PinState.CONFLICT: "in conflict",
+        PinState.BLOCKED: "blocked",
+    }
     return ", ".join(f"{count[state]} {text}" for state, text in words.items() if count[state]) or "no clips or mutants"
 
 
 def _first_line(derived: DerivedFile, written: bool) -> str:
-    if derived.state is State.CONFLICT:
+    if derived.state is PinState.CONFLICT:
         return f"{derived.file}: conflict with {derived.parent}, not re-pinned"
-    if derived.state is State.BLOCKED:
+    if derived.state is PinState.BLOCKED:
         return f"{derived.file}: blocked, not re-pinned"
     why = f"follows {derived.parent}" if derived.follows else f"{derived.parent} changed"
     return f"{derived.file}: {why}\n  pin {derived.pin} => {derived.new_pin}{' (written)' if written else ''}"

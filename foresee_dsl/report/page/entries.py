@@ -14,7 +14,7 @@ from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.documents import or_null
-from foresee_dsl.report.page.runs import Run
+from foresee_dsl.report.page.runs import RunEntry
 
 _NO_ANCHOR = re.compile(r"[^\w.-]+", re.ASCII)
 _LONGEST_ANCHOR = 120
@@ -42,7 +42,7 @@ class FindingEntry:
     title: str
     label: str
     driver: str
-    runs: tuple[Run, ...]
+    runs: tuple[RunEntry, ...]
     more: tuple[str, ...] = ()
     """Names of further runs, which are not shown."""
     diagnosis: str = ""

@@ -21,7 +21,7 @@ from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
 from foresee_dsl.report.drawing.ground import with_patches
 from foresee_dsl.report.drawing.shapes import CM, Shape, as_data, body_shapes, ground_shapes, line
 from foresee_dsl.report.show.panels import Role, role_of
-from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.results.infraction import infractions_in
 from foresee_dsl.simulate.results.near_misses import times_between
 from foresee_dsl.simulate.sensing.sight import sight_of
@@ -45,7 +45,7 @@ MRAD = 1000.0
 
 PET = "pet_s"
 MEASURES = (
-    *((m.value, m.words, m.unit or "share", 1 if m.unit == "m" else 2) for m in Measure),
+    *((m.value, m.words, m.unit or "share", 1 if m.unit == "m" else 2) for m in CriticalityMeasure),
     (PET, "time between both at a spot", "s", 2),
 )
 """The curves of criticality that a page offers: name, words, unit, decimals."""

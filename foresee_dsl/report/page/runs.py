@@ -88,7 +88,7 @@ class FailingRun:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunEntry:
     """A run as a report shows it.
 
     Attributes:
@@ -198,8 +198,8 @@ class Reader:
         """Return a reader with the playbacks of these runs alone."""
         return Reader(self.roads, {name: self.playbacks[name] for name in ids if name in self.playbacks})
 
-    def read(self, outcome: FailingRun) -> Run:
-        """Return a run, read from its files; `Run.missing` states the reason for each part that is missing."""
+    def read(self, outcome: FailingRun) -> RunEntry:
+        """Return a run, read from its files; `RunEntry.missing` states the reason for each part that is missing."""
         missing: list[str] = []
         case = self._case(outcome, missing)
         trace = self._load(outcome.trace, missing)
@@ -213,7 +213,7 @@ class Reader:
         trace: Trace | None,
         parent: Parent | None = None,
         missing: Sequence[str] = (),
-    ) -> Run:
+    ) -> RunEntry:
         """Return a run, with its story and its playback if its test case and its trace are available."""
         notes = list(missing)
         story, playback_id, small_picture = None, "", None
@@ -224,7 +224,7 @@ class Reader:
                 small_picture = thumbnail(trace, bundle, story.opponent)
         risk = case.clip.risk if case is not None and case.clip is not None else None
         small, large, note = _changes(outcome, case)
-        return Run(
+        return RunEntry(
             outcome=outcome,
             id=playback_id,
             title=story.sentence if story else outcome.record.reason,

@@ -12,7 +12,7 @@ from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.document import TestCase
-from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.sensing.settings import STANDARD
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import Air
@@ -64,7 +64,7 @@ def measure(trace: Trace, bundle: SumoBundle, opponent: str) -> Measures:
         ego_mps2=ego[2],
         other_mps2=states[:, k, ACCELERATION],
         gap_m=pairwise_box_distance(trace.boxes(0), trace.boxes(k)),
-        ttc_s=np.nan_to_num(criticality(trace, k)[Measure.TTC], nan=np.inf),
+        ttc_s=np.nan_to_num(criticality(trace, k)[CriticalityMeasure.TTC], nan=np.inf),
         ego_sees=_sees(trace, bundle, 0, k),
         other_sees=_sees(trace, bundle, k, 0),
     )

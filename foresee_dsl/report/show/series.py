@@ -17,7 +17,7 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.strip import opponent_of
-from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.results.near_misses import times_between
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y
 
@@ -70,7 +70,7 @@ def write_criticality(run: ShownRun, file: Path, actor: str = "") -> str:
         "seed": run.seed,
         "with": other,
         "measures": {m.value: {"name": m.words, "unit": m.unit, "critical": "high" if m.sign > 0 else "low"}
-                     for m in Measure},
+                     for m in CriticalityMeasure},
         "steps": [dict(zip(table, (v if math.isfinite(v) else None for v in row), strict=True)) for row in rows],
     }  # fmt: skip
     write_whole(file, json.dumps(document, indent=1) + "\n")

@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from foresee_dsl.campaign.regression.comparison import MEASURES, Change, Comparison, Nearer, Pair, Row
+from foresee_dsl.campaign.regression.comparison import MEASURES, CampaignComparison, Nearer, OutcomeChange, Pair, Row
 from foresee_dsl.campaign.regression.expectations import Status, in_words
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.files import rendered
@@ -72,11 +72,11 @@ SHOWN = 20
 SHOWN_IN_MARKDOWN = 100
 """Maximum number of test cases of each kind in Markdown. Ours: four such lists have fewer than the 65,536 characters
 that GitHub allows in a comment."""
-_TITLES = ((Change.NEW_FAILURE, "New failures", "bold red"), (Change.FIXED, "Fixed", "bold green"),
-           (Change.STILL_FAILING, "Still failing", "bold yellow"))  # fmt: skip
+_TITLES = ((OutcomeChange.NEW_FAILURE, "New failures", "bold red"), (OutcomeChange.FIXED, "Fixed", "bold green"),
+           (OutcomeChange.STILL_FAILING, "Still failing", "bold yellow"))  # fmt: skip
 
 
-def print_comparison(console: Console, comparison: Comparison) -> None:
+def print_comparison(console: Console, comparison: CampaignComparison) -> None:
     """Print the test cases that changed, then the figures, then the result in a sentence."""
     for name, side in (("base", comparison.base), ("new ", comparison.new)):
         console.print(Text(f"{name}  {safe(side.label)}"), soft_wrap=True)
@@ -95,7 +95,7 @@ def print_comparison(console: Console, comparison: Comparison) -> None:
     console.print(Text(f"\n{comparison.sentence}", "bold"), soft_wrap=True)
 
 
-def to_markdown(comparison: Comparison) -> str:
+def to_markdown(comparison: CampaignComparison) -> str:
     """Return the comparison as a comment on a pull request."""
     return rendered(
         "report/comparison.md",
@@ -106,7 +106,7 @@ def to_markdown(comparison: Comparison) -> str:
     )
 
 
-def _parts(comparison: Comparison) -> Iterator[tuple[str, str, Sequence[tuple[str, Sequence[str]]]]]:
+def _parts(comparison: CampaignComparison) -> Iterator[tuple[str, str, Sequence[tuple[str, Sequence[str]]]]]:
     """Yield the kinds of changes that occur: title, style, and each test case with the lines about it."""
     for change, title, style in _TITLES:
         if pairs := comparison.of(change):
@@ -116,7 +116,7 @@ def _parts(comparison: Comparison) -> Iterator[tuple[str, str, Sequence[tuple[st
         yield "Near misses that came nearer", "bold", near_misses
 
 
-def paired(comparison: Comparison) -> str:
+def paired(comparison: CampaignComparison) -> str:
     """Return in words how many test cases both sides have, and how many are on one side only or were edited."""
     parts = [f"{len(comparison.pairs)} test cases on both sides"]
     counts = (

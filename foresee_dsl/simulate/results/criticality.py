@@ -42,7 +42,7 @@ ON_FOOT_OR_TWO_WHEELS = ("pedestrian", "bicycle")
 cyclists."""
 
 
-class Measure(StrEnum):
+class CriticalityMeasure(StrEnum):
     """A measure of criticality; the value is its name in documents and files.
 
     Attributes:
@@ -76,7 +76,7 @@ class Measure(StrEnum):
     RISK = "injury_risk", "injury risk", "", 1, 3
 
 
-Series = Mapping[Measure, FloatArray]
+Series = Mapping[CriticalityMeasure, FloatArray]
 """The values of each measure, one for each frame."""
 
 
@@ -95,7 +95,7 @@ def criticality(trace: Trace, actor: int) -> Series:
         trace: a run. actor: column of the other actor.
     """
     run, frames = Footprints(trace), np.arange(trace.frames)
-    values = {measure: np.full(trace.frames, np.nan) for measure in Measure}
+    values = {measure: np.full(trace.frames, np.nan) for measure in CriticalityMeasure}
     if trace.frames:
         for part in (
             of_contacts(run, actor, contacts_with(run, actor, frames, predicted(run, frames))),
@@ -125,14 +125,14 @@ def of_contacts(run: Footprints, actor: int, contacts: Contacts) -> MeasureValue
     return MeasureValues(
         frames,
         {
-            Measure.TTC: ttc,
-            Measure.DRAC: formulas.braking_required(ttc, closing, np.zeros(len(ttc))),
-            Measure.BTN: formulas.brake_threat_number(braking),
-            Measure.TTB: brake,
-            Measure.TTS: steer,
-            Measure.TTR: formulas.time_to_react(brake, steer),
-            Measure.DELTA_V: change,
-            Measure.RISK: risk,
+            CriticalityMeasure.TTC: ttc,
+            CriticalityMeasure.DRAC: formulas.braking_required(ttc, closing, np.zeros(len(ttc))),
+            CriticalityMeasure.BTN: formulas.brake_threat_number(braking),
+            CriticalityMeasure.TTB: brake,
+            CriticalityMeasure.TTS: steer,
+            CriticalityMeasure.TTR: formulas.time_to_react(brake, steer),
+            CriticalityMeasure.DELTA_V: change,
+            CriticalityMeasure.RISK: risk,
         },
     )
 
@@ -171,8 +171,8 @@ def of_place(run: Footprints, actor: int, frames: IntArray) -> MeasureValues:
     return MeasureValues(
         frames,
         {
-            Measure.THW: np.where(same & drives & (beside < 0) & (gap >= 0), headway, np.nan),
-            Measure.RSS: np.where((same | towards) & drives & (ahead > 0), safe, np.nan),
+            CriticalityMeasure.THW: np.where(same & drives & (beside < 0) & (gap >= 0), headway, np.nan),
+            CriticalityMeasure.RSS: np.where((same | towards) & drives & (ahead > 0), safe, np.nan),
         },
     )
 

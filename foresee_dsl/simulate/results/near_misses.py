@@ -26,7 +26,7 @@ from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
 from foresee_dsl.measuring import Part
-from foresee_dsl.simulate.results.criticality import Measure, of_contacts, of_place
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, of_contacts, of_place
 from foresee_dsl.simulate.results.footprints import HORIZON_S, Footprints, contacts_with, predicted
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
@@ -67,7 +67,7 @@ class NearMisses:
     Attributes:
         distance_m: smallest distance between footprints. ttc_s: smallest time to collision.
         pet_s: smallest post-encroachment time. drac_mps2: hardest braking needed, infinity at a contact.
-        btn, ttb_s, tts_s, ttr_s, thw_s, rss_m, delta_v_mps, injury_risk: worst value of each `criticality.Measure`.
+        btn, ttb_s, tts_s, ttr_s, thw_s, rss_m, delta_v_mps, injury_risk: worst value of each `CriticalityMeasure`.
     """
 
     distance_m: NearMiss | None
@@ -92,7 +92,7 @@ def near_misses(trace: Trace) -> NearMisses:
     return NearMisses(distance_m=_closest(run), pet_s=_encroachment(run), **dict.fromkeys(_AT_A_MOMENT) | worst)
 
 
-_AT_A_MOMENT = tuple(measure.value for measure in Measure)
+_AT_A_MOMENT = tuple(measure.value for measure in CriticalityMeasure)
 
 
 def times_between(trace: Trace, actor: int) -> FloatArray:
@@ -142,12 +142,12 @@ def _closest(run: Footprints) -> NearMiss | None:
 # --- measures at a moment --------------------------------------------------------------------------------------------
 
 
-def _worst(run: Footprints) -> dict[Measure, NearMiss]:
+def _worst(run: Footprints) -> dict[CriticalityMeasure, NearMiss]:
     """Return the worst value of each measure. A needed braking of 0 counts as no value."""
     frames = len(run.xy)
     # The last frame is always evaluated: a failure happens there.
     looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
-    worst: dict[Measure, NearMiss] = {}
+    worst: dict[CriticalityMeasure, NearMiss] = {}
     places = predicted(run, looked_at)
     for actor in range(1, run.xy.shape[1]):
         evaluated = [of_place(run, actor, looked_at)]
@@ -155,7 +155,7 @@ def _worst(run: Footprints) -> dict[Measure, NearMiss]:
         if contacts.frames.size:
             at_first = of_contacts(run, actor, contacts)
             # Then evaluate all frames around the worst so far.
-            hardest = at_first.values[Measure.DRAC].argmax()
+            hardest = at_first.values[CriticalityMeasure.DRAC].argmax()
             about = np.unique([contacts.frames[contacts.ttc_s.argmin()], contacts.frames[hardest]])
             about = np.unique(np.clip(about[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
             again = contacts_with(run, actor, about, predicted(run, about))
@@ -165,7 +165,7 @@ def _worst(run: Footprints) -> dict[Measure, NearMiss]:
                 signed = np.where(np.isnan(values), -np.inf, measure.sign * values)
                 k = int(signed.argmax())
                 before = worst.get(measure)
-                if signed[k] == -np.inf or (measure is Measure.DRAC and not values[k] > 0):
+                if signed[k] == -np.inf or (measure is CriticalityMeasure.DRAC and not values[k] > 0):
                     continue
                 if before is None or signed[k] > measure.sign * before.value:
                     worst[measure] = _miss(run, values[k], int(part.frames[k]), actor)
@@ -176,7 +176,7 @@ def _worst(run: Footprints) -> dict[Measure, NearMiss]:
 
 
 @dataclass(frozen=True)
-class _Pieces:
+class _PathPieces:
     """Paths cut into pieces of `_BIN_M`, in the order of their frames.
 
     Attributes:
@@ -209,7 +209,7 @@ def _encroachment(run: Footprints) -> NearMiss | None:
     return None if best is None else _miss(run, best[0] * STEP_S, best[1], best[2])
 
 
-def _pieces(run: Footprints, actors: list[int]) -> _Pieces:
+def _pieces(run: Footprints, actors: list[int]) -> _PathPieces:
     first, last, of = [], [], []
     for actor in actors:
         path = run.path(actor)
@@ -222,10 +222,10 @@ def _pieces(run: Footprints, actors: list[int]) -> _Pieces:
         of.append(np.full(len(begins), actor))
     empty = [np.empty(0, dtype=np.intp)]
     a, b = np.concatenate(first or empty), np.concatenate(last or empty)
-    return _Pieces(np.concatenate(of or empty), a, b, (a + b) // 2)
+    return _PathPieces(np.concatenate(of or empty), a, b, (a + b) // 2)
 
 
-def _candidates(run: Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
+def _candidates(run: Footprints, mine: _PathPieces, theirs: _PathPieces) -> tuple[IntArray, IntArray]:
     """Return the indices of pairs of pieces (of the ego, of another actor) that may have a spot in common."""
     if not theirs.actor.size:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
@@ -243,7 +243,7 @@ def _candidates(run: Footprints, mine: _Pieces, theirs: _Pieces) -> tuple[IntArr
     return i[meet], j[meet]
 
 
-def _between(run: Footprints, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
+def _between(run: Footprints, mine: _PathPieces, i: int, theirs: _PathPieces, j: int) -> tuple[int, int] | None:
     """Return the smallest number of steps between the moments at which each actor is at a spot that both pieces share,
     and the later frame; None if they share no spot or have one direction there.
     """

@@ -94,7 +94,7 @@ class ConditionKind(Generic[_C]):
         return ConditionOutcome(inside_m >= 0, inside_m, "m", self.condition, "length")
 
 
-class _Compared(ConditionKind[m.Comparison]):
+class _MeasureCompared(ConditionKind[m.Comparison]):
     """`ego.speed < 3 m/s`: a comparison of a measure with a bound."""
 
     def __init__(self, condition: m.Comparison, run: Conditions) -> None:
@@ -429,7 +429,7 @@ def kind_class(condition: m.Condition) -> type[ConditionKind[Any]]:
     kind: type[ConditionKind[Any]]
     match condition:
         case m.Comparison():
-            kind = _Compared
+            kind = _MeasureCompared
         case m.Predicate():
             kind = _Arrives if condition.what == "arrived" else _Collides
         case m.InJunction():

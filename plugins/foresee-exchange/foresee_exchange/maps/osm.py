@@ -23,7 +23,7 @@ from foresee_dsl.compile.nets.netconvert import (
 )
 from foresee_dsl.compile.nets.safe_xml import MOST_ELEMENTS, parse_xml, unreadable
 from foresee_dsl.compile.roads.polyline import XY, distance_to
-from foresee_dsl.compile.roads.topology import Edge, Topology
+from foresee_dsl.compile.roads.topology import NetEdge, Topology
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.files import open_outside
@@ -355,9 +355,9 @@ def _crossing_places(root: Element, net: Topology) -> Iterator[XY]:
         yield float(x), float(y)
 
 
-def _arm(net: Topology, place: XY) -> tuple[str, tuple[Edge, ...]] | None:
+def _arm(net: Topology, place: XY) -> tuple[str, tuple[NetEdge, ...]] | None:
     """Return the junction, and the edges of its arm, to which a crossing belongs."""
-    best: tuple[float, str, tuple[Edge, ...]] | None = None
+    best: tuple[float, str, tuple[NetEdge, ...]] | None = None
     for name, junction in net.junctions.items():
         if math.dist(place, (junction.x, junction.y)) > _FROM_JUNCTION_M:
             continue

@@ -13,7 +13,7 @@ from foresee_study.selforacle.ranker import Segment
 from scipy.stats import rankdata
 
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.simulate.results.criticality import Measure, criticality
+from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.trace import STEP_S, Trace
 
 NEAR_MISS_MPS2 = 3.35
@@ -97,7 +97,7 @@ def near_misses_of(trace: Trace) -> list[Event]:
     """Return the events of a run in which the ego needed to brake hard for an actor."""
     hard = np.zeros(trace.frames, np.bool_)
     for actor in range(1, len(trace.actors)):
-        hard |= criticality(trace, actor)[Measure.DRAC] > NEAR_MISS_MPS2
+        hard |= criticality(trace, actor)[CriticalityMeasure.DRAC] > NEAR_MISS_MPS2
     return events_of(np.flatnonzero(hard).tolist())
 
 

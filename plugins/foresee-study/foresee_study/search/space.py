@@ -11,7 +11,7 @@ import numpy as np
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.derive.operators import Operator, Situation, operators
 from foresee_dsl.derive.operators.situation import Numeric
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.derive.reach.rolling import ReachSettings
 from foresee_dsl.language.model import Change
 from foresee_dsl.simulate.results.goal import USUAL_SCALES
@@ -24,7 +24,7 @@ POOL = 64
 style have about ten values, all of which are then drawn but for one time in a hundred."""
 
 
-def dimensions_of(preset: Preset) -> int:
+def dimensions_of(preset: MutationPreset) -> int:
     """Return the number of dimensions: moment, actor, recipe, and a value for each operator of the longest recipe."""
     return 3 + max(len(recipe) for recipe in preset.recipes)
 
@@ -34,7 +34,7 @@ def index_at(value: float, count: int) -> int:
     return min(int(value * count), count - 1)
 
 
-def changes_at(situation: Situation, preset: Preset, point: Point) -> Drawn | None:
+def changes_at(situation: Situation, preset: MutationPreset, point: Point) -> Drawn | None:
     """Return the changes of a clip that a point stands for, without its moment; None if no actor can be changed."""
     by_name = operators()
     plans: dict[str, list[list[tuple[Operator, str]]]] = {}
@@ -55,7 +55,7 @@ def changes_at(situation: Situation, preset: Preset, point: Point) -> Drawn | No
 
 
 def _recipes(
-    situation: Situation, preset: Preset, actor: str, by_name: dict[str, Operator]
+    situation: Situation, preset: MutationPreset, actor: str, by_name: dict[str, Operator]
 ) -> list[list[tuple[Operator, str]]]:
     """Return the recipes that change an actor; a recipe is left out if its last operator cannot act on it.
 
@@ -72,7 +72,9 @@ def _recipes(
     return recipes
 
 
-def values_of(operator: Operator, situation: Situation, target: str, preset: Preset) -> list[tuple[Change, ...]]:
+def values_of(
+    operator: Operator, situation: Situation, target: str, preset: MutationPreset
+) -> list[tuple[Change, ...]]:
     """Return the changes that an operator can make, in the order of their values."""
     if isinstance(operator, Numeric):
         return [operator.to(situation, target, preset, v) for v in sorted(operator.values(situation, target, preset))]
