@@ -236,7 +236,7 @@ def _seen(failed: RunResult, bundle: SumoBundle) -> str:
     if impact is None:
         return ""
     actor = trace.index(impact.with_)
-    times = [_first_seen_s(trace, actor, sight_of(trace, bundle, sensors)) for sensors in (IDEAL, STANDARD)]
+    times = [_first_seen_s(trace, actor, sight_of(bundle, sensors)) for sensors in (IDEAL, STANDARD)]
     ideal_s, real_s = times
     if ideal_s is None or (real_s is not None and real_s - ideal_s < EARLIER_S):
         return ""

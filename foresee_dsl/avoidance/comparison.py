@@ -170,7 +170,7 @@ class _Compared:
         """Return the first frame of the failing run at which these sensors show the conflict; None if they never do."""
         failed, bundle = self._failed, self._bundle
         way = ExtendedPath(failed, bundle.scene.ego.line)
-        seen_s = onset(failed, way, other, sight_of(failed, bundle, self._sensors), priority_ways(mission_of(bundle)))
+        seen_s = onset(failed, way, other, sight_of(bundle, self._sensors), priority_ways(mission_of(bundle)))
         return None if seen_s is None else round(seen_s / STEP_S)
 
     def _apart(self, other: int, onset_frame: int) -> str:

@@ -51,7 +51,7 @@ class Sighting:
 
 def sighting_of(facts: Facts, actor: int) -> Sighting:
     """Return when an actor was visible to the sensors of the drivers under test, without their noise."""
-    trace, sight = facts.trace, sight_of(facts.trace, facts.bundle)
+    trace, sight = facts.trace, sight_of(facts.bundle)
     first = max(0, facts.last - round(LOOKS_BACK_S / STEP_S))
     since, blind, searched_s = None, 0, round((facts.last - first) * STEP_S, 6)
     for frame in range(facts.last, first - 1, -1):

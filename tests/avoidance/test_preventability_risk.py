@@ -18,9 +18,9 @@ from foresee_dsl.avoidance.r157.risk import (
 )
 from foresee_dsl.kernels.boxes import Mover, box_overlap
 from foresee_dsl.simulate.results.outcome import impact
-from foresee_dsl.simulate.sensing.sight import in_view, sight_of
+from foresee_dsl.simulate.sensing.sight import in_view
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, YAW_RATE, X
-from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight
+from tests.support.handmade_traces import EAST, NORTH, WEST, Track, clear_sight, make_trace, straight
 
 
 def seen(ego: Track, other: Track, end_s: float | None = None) -> Perception | None:
@@ -32,7 +32,7 @@ def seen(ego: Track, other: Track, end_s: float | None = None) -> Perception | N
     else:
         frames = round(end_s / STEP_S) + 1
     part = replace(trace, time_s=trace.time_s[:frames], states=trace.states[:frames])
-    return perceive(part, 1, sight_of(part))
+    return perceive(part, 1, clear_sight(part))
 
 
 def test_what_is_slower_ahead_is_a_risk_two_seconds_before() -> None:
@@ -133,9 +133,9 @@ def test_a_van_hides_and_a_crate_does_not() -> None:
                 "between": straight(kind, 25, -2.5, EAST, 0.0),
             }
         )
-        assert in_view(trace, 1, 0, sight_of(trace)) is not hidden
+        assert in_view(trace, 1, 0, clear_sight(trace)) is not hidden
     # Beside the van: seen once the ego's line of sight is past its corner.
-    assert in_view(trace, 2, 0, sight_of(trace))
+    assert in_view(trace, 2, 0, clear_sight(trace))
 
 
 def mover(x: float, y: float, heading: float, speed: float) -> Mover:

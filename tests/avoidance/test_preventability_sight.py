@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing.sight import in_view, sight_of
+from tests.support.handmade_traces import clear_sight
 from tests.support.scenes import Cruise, Town
 from tests.support.worlds import VAN
 
@@ -29,11 +30,11 @@ def test_heights_buildings_and_weather_count(town: Town) -> None:
         )
         scene = replace(bundle.scene, actors=actors, fog=fog)
         network = replace(bundle.network, buildings=buildings)
-        return in_view(trace, k, 0, sight_of(trace, replace(bundle, scene=scene, network=network)))
+        return in_view(trace, k, 0, sight_of(replace(bundle, scene=scene, network=network)))
 
     x, y = ego.x + 5.0, ego.y
     assert seen(1.2)
     assert not seen(2.4)
     assert not seen(1.2, (((x, y - 2.0), (x + 3.0, y - 2.0), (x + 3.0, y + 2.0), (x, y + 2.0)),))
     assert not seen(1.2, fog=1.0)
-    assert not in_view(trace, k, 0, sight_of(trace)), "vans are 2 m and more high"
+    assert not in_view(trace, k, 0, clear_sight(trace)), "vans are 2 m and more high"

@@ -184,7 +184,7 @@ def _creeps(run: Run, frame: int, m: re.Match[str]) -> bool:
 def visible(run: Run, actor: str) -> np.ndarray:
     """At which frames an actor is in sight of the ego."""
     bundle = compile_test_case(run.case)
-    sight, column = sight_of(run.trace, bundle), run.column(actor)
+    sight, column = sight_of(bundle), run.column(actor)
     return np.array([in_view(run.trace, column, frame, sight) for frame in range(run.trace.frames)])
 
 

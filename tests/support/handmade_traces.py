@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.compile.catalogue import USUAL_HEIGHTS_M
+from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.trace import STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.trigger_record import DirectorRecord
 
@@ -98,3 +100,13 @@ def make_trace(
         events=tuple(events),
         director=director or DirectorRecord(),
     )
+
+
+def clear_sight(trace: Trace) -> Sight:
+    """The lines of sight from the ego of a trace: no buildings, clear air, and every actor as high as its class usually
+    is.
+    """
+    others = trace.actors[1:]
+    sizes = np.array([(info.length_m, info.width_m) for info in others], dtype=np.float64).reshape(-1, 2)
+    kinds = tuple(info.kind for info in others)
+    return Sight(Bodies(kinds, sizes, np.array([USUAL_HEIGHTS_M[kind] for kind in kinds])), ())

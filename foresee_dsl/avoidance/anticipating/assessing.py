@@ -210,7 +210,7 @@ class _Assessment:
         return f"the ego stood {how}: {self._failed.struck}"
 
     def _seen_s(self) -> float | None:
-        return onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole), self._first)
+        return onset(self._trace, self._way, self._other, sight_of(self._whole), self._first)
 
     def _run(self, driver: Driver, sensors: SensorSettings = STANDARD) -> _ConfirmingRun:
         self._runs += 1

@@ -99,7 +99,7 @@ def _judged(failure: Failure, failed: Impact) -> Preventability:
     if failed.ego_mps < STANDS_MPS:
         return Preventability(Preventable.UNKNOWN, f"the ego stood: {failed.struck}")
     bundle, result = failure.bundle, failure.result
-    seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(result.trace, bundle))
+    seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(bundle))
     if seen is None:
         where = " in the rear" if failed.side == "rear" else ""
         return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")

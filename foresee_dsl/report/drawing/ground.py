@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import SlipperyPatch
-from foresee_dsl.compile.roads.network import CLOSE_GAPS_M, RoadNetwork
+from foresee_dsl.compile.roads.network import CLOSE_GAPS_M, RoadNetwork, polygon
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels.arrays import FloatArray
@@ -101,20 +101,20 @@ def ground_of(network: RoadNetwork, near: Near) -> Ground:
     divided, edge_lines = _edge_lines(network, streets)
     signalled = {m.from_lane for m in network.movements if m.tls is not None}
     return {
-        Layer.FOOTWAY: shapely.union_all([*map(_polygon, areas), *map(_band, walked)]),
+        Layer.FOOTWAY: shapely.union_all([*map(polygon, areas), *map(_band, walked)]),
         Layer.ROAD: _road(network, lanes, areas, near),
         Layer.CYCLEWAY: shapely.union_all(
             [_band(ln) for ln in lanes if "bicycle" in ln.kinds and "car" not in ln.kinds]
         ),
         Layer.PARKING: shapely.union_all([_band(lane) for lane in lanes if lane.parking]),
-        Layer.BUS_STOP: shapely.union_all(list(map(_polygon, stops))),
+        Layer.BUS_STOP: shapely.union_all(list(map(polygon, stops))),
         Layer.MARKING: shapely.union_all(
             [shapely.LineString(line) for line in _between(streets, divided)]
         ),  # each junction and lane is drawn once
         Layer.EDGE_LINE: shapely.MultiLineString([line for line in edge_lines if len(line) > 1]),
         Layer.CROSSING: shapely.union_all([_band(lane) for lane in lanes if lane.id in crossing_ids]),
         Layer.STOP_LINE: shapely.MultiLineString([stop_line(lane) for lane in streets if lane.id in signalled]),
-        Layer.BUILDING: shapely.union_all([_polygon(b) for b in network.buildings if near(b, 0.0)]),
+        Layer.BUILDING: shapely.union_all([polygon(b) for b in network.buildings if near(b, 0.0)]),
     }
 
 
@@ -163,9 +163,9 @@ def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
 
 def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], near: Near) -> BaseGeometry:
     """Return the area on which vehicles may be, as in `RoadNetwork.drivable`, but only where `near` is true."""
-    junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
+    junctions = shapely.union_all([polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
     bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking or lane.strip]
-    road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])
+    road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(polygon, areas)))), *bands])
     return shapely.buffer(shapely.buffer(road, CLOSE_GAPS_M, join_style="mitre"), -CLOSE_GAPS_M)
 
 
@@ -226,9 +226,3 @@ def stop_line(lane: Lane) -> FloatArray:
 
 def _band(lane: Lane) -> BaseGeometry:
     return shapely.buffer(shapely.LineString(lane.shape), lane.width_m / 2, cap_style="flat", quad_segs=4)
-
-
-def _polygon(points: Points) -> BaseGeometry:
-    if len(points) < 3:
-        return shapely.Polygon()
-    return shapely.make_valid(shapely.Polygon(points))

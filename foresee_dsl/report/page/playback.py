@@ -208,7 +208,7 @@ def _seen(trace: Trace, bundle: SumoBundle, frames: IntArray) -> NDArray[np.bool
     """Return which actors are in the ego's line of sight, [frames, actors], without the noise and the misses of the
     sensors.
     """
-    sight = sight_of(trace, bundle)
+    sight = sight_of(bundle)
     seen = np.zeros((len(frames), len(trace.actors)), dtype=np.bool_)
     seen[:, 0] = True
     for row, frame in enumerate(frames):

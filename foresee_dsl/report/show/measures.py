@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
+from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
-from foresee_dsl.simulate.sensing.settings import STANDARD
-from foresee_dsl.simulate.sensing.sight import Bodies, Sight
-from foresee_dsl.simulate.sensing.weather import Air
+from foresee_dsl.simulate.sensing.sight import sight_of
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y
 from foresee_dsl.story.facts import Facts
 
@@ -89,20 +86,10 @@ def signal_ahead(trace: Trace, case: TestCase) -> list[str]:
 def _sees(trace: Trace, bundle: SumoBundle, observer: int, target: int) -> BoolArray:
     """Return at which frames sensors on the observer see the target, [T]; both are columns of the trace."""
     others = [k for k in range(len(trace.actors)) if k != observer]
-    sight = Sight(
-        Bodies.of(_models(bundle, trace, others)),
-        bundle.network.buildings,
-        STANDARD,
-        Air(bundle.scene.rain, bundle.scene.fog, bundle.scene.sun),
-    )
+    sight = sight_of(bundle, observer=observer)
     index, visible = others.index(target), np.zeros(trace.frames, np.bool_)
     poses = trace.states[:, :, [X, Y, HEADING]]
     for frame in np.flatnonzero(~np.isnan(poses[:, observer, 0]) & ~np.isnan(poses[:, target, 0])).tolist():
         x, y, heading = poses[frame, observer].tolist()
         visible[frame] = index in sight.seen(x, y, heading, poses[frame, others])
     return visible
-
-
-def _models(bundle: SumoBundle, trace: Trace, columns: Sequence[int]) -> list[ModelSpec]:
-    by_id = {actor.id: actor.model for actor in bundle.scene.actors}
-    return [by_id[trace.actors[k].id] for k in columns]

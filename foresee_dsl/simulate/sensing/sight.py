@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
-from foresee_dsl.compile.catalogue import USUAL_HEIGHTS_M
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.records import dtype_of
@@ -177,19 +176,13 @@ class LinesOfSight:
         return frozenset(int(k) + (int(k) >= eye) for k in seen)
 
 
-def sight_of(trace: Trace, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> Sight:
-    """Return the lines of sight from a run's ego through these sensors, without their noise.
-
-    Without the bundle, no building hides an actor, the air is clear, and every actor has the usual height of its class.
+def sight_of(bundle: SumoBundle, sensors: SensorSettings = STANDARD, *, observer: int = 0) -> Sight:
+    """Return the lines of sight from an actor, the ego or that of another column of the trace, to all others through
+    these sensors, without their noise.
     """
-    if bundle is not None:
-        scene = bundle.scene
-        bodies = Bodies.of([actor.model for actor in scene.actors[1:]])
-        return Sight(bodies, bundle.network.buildings, sensors, Air(scene.rain, scene.fog, scene.sun))
-    others = trace.actors[1:]
-    sizes = np.array([(info.length_m, info.width_m) for info in others], dtype=np.float64).reshape(-1, 2)
-    kinds = tuple(info.kind for info in others)
-    return Sight(Bodies(kinds, sizes, np.array([USUAL_HEIGHTS_M[kind] for kind in kinds])), ())
+    scene = bundle.scene
+    bodies = Bodies.of([actor.model for column, actor in enumerate(scene.actors) if column != observer])
+    return Sight(bodies, bundle.network.buildings, sensors, Air(scene.rain, scene.fog, scene.sun))
 
 
 def in_view(trace: Trace, other: int, frame: int, sight: Sight) -> bool:
