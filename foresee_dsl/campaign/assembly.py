@@ -182,8 +182,8 @@ def _with_references(
 
 
 def _with_headers(clip: ClipOutcome, node: StepNode, out: Path) -> ClipOutcome:
-    """Write this campaign's names into the texts of a failing mutant and its clip."""
-    if not clip.failing:
+    """Write this campaign's names into the texts of a clip and of its mutants that are written to files."""
+    if not clip.written:
         return clip
     parent = relative_path(node.case.source, out / node.folder)
     text = with_header(clip.text, "clip", node.step.name, parent, node.case.id.partition("::")[2])
@@ -191,7 +191,7 @@ def _with_headers(clip: ClipOutcome, node: StepNode, out: Path) -> ClipOutcome:
         replace(
             child, text=_with_origin(with_header(child.text, "mutant", child.name, f"{node.step.name}.foresee"), child)
         )
-        if child.verdict.is_failure
+        if child.is_written
         else child
         for child in clip.children
     )

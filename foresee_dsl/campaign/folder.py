@@ -18,14 +18,15 @@ from foresee_dsl.campaign.triage.history import append_campaign
 from foresee_dsl.documents import plain
 from foresee_dsl.measuring import Part
 
-_PARTS = ("children", "findings", "traces")
+PARTS = ("children", "findings", "traces")
+"""The folders of a campaign's files."""
 
 
 class CampaignFolder:
     """The folder of one campaign's results.
 
-    It contains `campaign.json`, `children/` (failing mutants and their clips), `findings/` (minimised representatives)
-    and `traces/`.
+    It contains `campaign.json`, `children/` (mutants that failed or broke an expectation, and their clips), `findings/`
+    (minimised representatives) and `traces/`.
 
     While a campaign runs, its files are collected in `.work-PID` inside; files of an earlier campaign remain until the
     end.
@@ -46,7 +47,7 @@ class CampaignFolder:
         with only_writer(self.out):
             for left in self.out.glob(".work-*"):
                 shutil.rmtree(left, ignore_errors=True)
-            for part in _PARTS:
+            for part in PARTS:
                 (self.work / part).mkdir(parents=True)
             try:
                 yield self.work
@@ -61,9 +62,9 @@ class CampaignFolder:
         `traces`: blob by file, with the test case's id if the trace has another one.
         """
         for clip in result.clips:
-            if clip.failing:
+            if clip.written:
                 self._write(clip.file, clip.text)
-            for child in clip.failing:
+            for child in clip.written:
                 self._write(child.file, child.text)
         for small in result.minimised:
             self._write(f"{small.folder}/{small.clip}.foresee", small.clip_text)
@@ -72,7 +73,7 @@ class CampaignFolder:
             self._show(file, name, test_case, blobs)
         document = as_text(campaign_document(result))
         self._write("campaign.json", document)
-        for part in (*_PARTS, "campaign.json"):
+        for part in (*PARTS, "campaign.json"):
             self._put_in_place(part)
         if not result.interrupted:
             append_campaign(self.out, result, document)

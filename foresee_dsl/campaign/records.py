@@ -231,7 +231,7 @@ class ChildOutcome(JudgedRun):
             "with": self.with_,
             "reason": self.reason,
             "digest": self.digest,
-            "file": or_null(self.failed_file),
+            "file": or_null(self.written_file),
             "impact": self.impact,
             "near_misses": self.near,
             "preventability": self.preventability,
@@ -256,9 +256,14 @@ class ChildOutcome(JudgedRun):
         return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
 
     @property
-    def failed_file(self) -> str:
-        """Return the mutant's file, which only a failure has; otherwise ""."""
-        return self.file if self.verdict.is_failure else ""
+    def is_written(self) -> bool:
+        """Return whether the campaign's folder has its file: it failed, or broke an expectation."""
+        return self.verdict.is_failure or bool(self.broken_expectations)
+
+    @property
+    def written_file(self) -> str:
+        """Return its file in the campaign's folder, or ""."""
+        return self.file if self.is_written else ""
 
 
 @dataclass(frozen=True)
@@ -325,6 +330,11 @@ class ClipOutcome(RunRecord):
     def failing(self) -> tuple[ChildOutcome, ...]:
         """Return the mutants that failed."""
         return tuple(c for c in self.children if c.verdict.is_failure)
+
+    @property
+    def written(self) -> tuple[ChildOutcome, ...]:
+        """Return the mutants whose files are in the campaign's folder."""
+        return tuple(c for c in self.children if c.is_written)
 
 
 class Reduced(NamedTuple):

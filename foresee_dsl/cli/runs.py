@@ -285,12 +285,17 @@ def mutate(
     children: Annotated[int, typer.Option(min=1, max=CHILDREN_BOUNDS[1], help="Number of mutants.")] = DEFAULT_CHILDREN,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The folder of the mutants, by default that of the clip.")
+    ] = None,
     format_: FormatOption = "text",
     junit: JunitOption = None,
     exit_zero: common.ExitZeroOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
-    """Mutate a clip, run the mutants, and write each one beside the clip with its result.
+    """Mutate a clip, run the mutants, and write each one with its result, beside the clip or into --out.
+
+    The mutants of a clip in a campaign's folder need --out.
 
     Exit code 1 when a mutant failed, or broke an `expect` line.
 
@@ -300,7 +305,9 @@ def mutate(
     from foresee_dsl.files import write_whole
     from foresee_dsl.report.builds.case_results import of_child
 
-    outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed, allow_outside=allow_outside)
+    outcomes = mutate_file(
+        file, preset=preset, count=children, driver=driver, seed=seed, out=out, allow_outside=allow_outside
+    )
     for child in outcomes:
         write_whole(Path(child.file), child.text)
 

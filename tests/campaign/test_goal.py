@@ -11,6 +11,8 @@ import pytest
 
 from foresee_dsl.campaign.allocation.draws import ChildFacts
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.findings.diagnosing import failing_named
+from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.goal import left_out, with_goal
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.regression.expectations import Status
@@ -31,6 +33,7 @@ from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.goal import GoalMargin, GoalSeries
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -172,6 +175,44 @@ def test_its_file_fails_again_on_its_own(searched: tuple[CampaignResult, Path]) 
     (again,) = verify_files([folder / "out" / child.file])
     assert again.status is Status.AS_EXPECTED, again.now
     assert again.was == "fails"
+
+
+def test_a_test_case_that_breaks_the_goal_is_a_failure_for_other_commands_too(tmp_path: Path) -> None:
+    file = written(tmp_path, "expect room: always distance(ego, other) > 3 m")
+    result, _ = campaign(file, tmp_path / "out", replace(GOAL, against=()))
+    number = next(k for k, finding in enumerate(result.findings, 1) if finding.representative in result.seeds)
+    failing = failing_named(str(number), tmp_path / "out")
+    assert failing.case.mutant is None and failing.case.goal == "room"
+    assert failing.setup.run(failing.case).verdict is Verdict.GOAL
+
+
+def test_what_breaks_an_expectation_that_is_no_goal_has_its_file_too(
+    searched: tuple[CampaignResult, Path], tmp_path: Path
+) -> None:
+    _, folder = searched
+    out = tmp_path / "out"
+    result, _ = campaign(folder / "crosser.foresee", out, replace(SETTINGS, risky_points=1), store=tmp_path / "store")
+    breaking = [child for child in result.children if child.broken_expectations and not child.verdict.is_failure]
+    assert breaking
+    for child in breaking:
+        (again,) = verify_files([out / child.file])
+        assert child.broken_expectations[0] in again.now
+        assert find_failure(child.name, out).file == out / child.file
+    text = (out / "campaign.json").read_text()
+    assert text.count('"file": "children/') == sum(child.is_written for child in result.children)
+
+
+def test_new_mutants_do_not_replace_those_of_a_campaign(searched: tuple[CampaignResult, Path], tmp_path: Path) -> None:
+    _, folder = searched
+    clip = next(file for file in (folder / "out" / "children").rglob("*.foresee") if kind_of(file) == "clip")
+    before = {file: file.read_bytes() for file in clip.parent.iterdir()}
+    refused = command.foresee("mutate", clip, "--driver", "idm", "--allow-outside", expect=1)
+    assert "name another folder for them with `--out`" in refused.stderr
+    options = ("--driver", "idm", "--children", "1", "--out", tmp_path / "mutants", "--allow-outside", "--exit-zero")
+    command.foresee("mutate", clip, *options)
+    (mutant,) = (tmp_path / "mutants").iterdir()
+    command.foresee("check", mutant, "--allow-outside")
+    assert {file: file.read_bytes() for file in clip.parent.iterdir()} == before
 
 
 def test_the_same_again_runs_nothing_and_another_goal_runs_again(

@@ -71,9 +71,9 @@ class Brakes(Cruise):
         return Control(0.0, 0.0, 1.0) if observation.time_s >= 1.0 else super().step(observation)
 
 
-def drive(folder: Path, patch: str) -> tuple[TestCase, RunResult]:
+def drive(folder: Path, patch: str, order: str = "beside stops") -> tuple[TestCase, RunResult]:
     file = folder / "ice.foresee"
-    file.write_text(SCENARIO.replace("PATCH", patch))
+    file.write_text(SCENARIO.replace("PATCH", patch).replace("beside stops", order))
     case = load_test_case(str(file))
     return case, run(compile_test_case(case), Brakes(50 / 3.6))
 
@@ -104,6 +104,15 @@ def test_nobody_brakes_harder_on_ice_than_it_allows(on_ice: tuple[TestCase, RunR
         assert -np.nanmin(dry.trace.states[:, dry.trace.index(actor), ACCELERATION]) > 2.0
     assert dry.trace.states[-1, 0, SPEED] == 0.0
     assert result.trace.states[-1, 0, SPEED] > 5.0
+
+
+def test_an_order_to_brake_is_no_stronger_than_the_ice_allows(tmp_path: Path) -> None:
+    order = "beside brakes 6 m/s^2 for 4 s"
+    _, result = drive(tmp_path, ICE, order)
+    assert -on_the_patch(result, "beside", inside_m=3.0).min() <= FRICTION * GRAVITY_MPS2 + 1e-6
+    _, dry = drive(tmp_path, "", order)
+    braking = -dry.trace.states[:, dry.trace.index("beside"), ACCELERATION]
+    assert np.count_nonzero(abs(braking - 6.0) < 1e-6) > 30
 
 
 def test_one_wheel_of_four_on_ice_costs_its_share_of_the_grip(tmp_path: Path) -> None:

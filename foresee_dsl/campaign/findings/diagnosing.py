@@ -107,7 +107,9 @@ def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_prog
     case = load_test_case(str(file))
     settings = wanted.campaign.settings if wanted.campaign is not None else CampaignSettings()
     setup = DriverSetup(settings.driver, settings.seed)
-    if case.mutant is not None:
+    if case.mutant is None:
+        case = replace(case, goal=settings.goal)  # a mutant's file states its goal
+    else:
         setup = recorded_setup(case)
     if not driver:
         instead = "--run-programs starts it; --driver chooses another driver"

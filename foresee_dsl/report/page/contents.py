@@ -258,7 +258,7 @@ def _case_name(case: CaseRunOutcome) -> str:
 def _failing_children(campaign: WrittenCampaign) -> Iterator[tuple[ClipOutcome, ChildOutcome]]:
     for clip in campaign.clip_runs:
         for child in clip.children:
-            if child.failed_file:
+            if child.verdict.is_failure:
                 yield clip, child
 
 

@@ -151,7 +151,8 @@ def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
     for driver, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
         for answer, count in answers.items():
             yield f"  {driver}: {answer}", str(count)
-    opinions = Counter((o.name, o.answer) for child in campaign.mutants if child.failed_file for o in child.opinions)
+    failures = (child for child in campaign.mutants if child.verdict.is_failure)
+    opinions = Counter((o.name, o.answer) for child in failures for o in child.opinions)
     for (judge, answer), count in opinions.items():
         yield f"  {judge}: {answer}", str(count)
     yield "simulated", _duration(campaign.simulated_s)
@@ -200,7 +201,7 @@ def _operator_table(campaign: WrittenCampaign, driver: str) -> Table:
         for child in clip.children:
             names = " + ".join(child.operators) or "none"
             ran[names] += 1
-            failed[names] += bool(child.failed_file)
+            failed[names] += child.verdict.is_failure
     rows = [(name, str(ran[name]), str(failed[name]), f"{failed[name] / ran[name]:.1%}") for name in sorted(ran)]
     return Table(f"By operator {driver}".strip(), ("operators", "children", "failing", "share"), tuple(rows))
 
@@ -212,7 +213,7 @@ def _allocation_table(campaign: WrittenCampaign, driver: str) -> Table:
     for clip in sorted(campaign.clip_runs, key=lambda clip: (-len(clip.children), clip.name)):
         of = Counter(child.round or 0 for child in clip.children)
         near = sum(bool(child.drawn_near) for child in clip.children)
-        failing = sum(bool(child.failed_file) for child in clip.children)
+        failing = sum(child.verdict.is_failure for child in clip.children)
         counts = (len(clip.children), *(of[number] for number in rounds), near, failing)
         rows.append((clip.name, *map(str, counts)))
     headings = ("clip", "children", *(f"round {number}" for number in rounds), "near another", "failing")

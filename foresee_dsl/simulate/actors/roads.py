@@ -79,12 +79,19 @@ class SlipperyGround:
         """Return the largest acceleration (m/s^2) that the friction under the middle of an actor allows."""
         return self.under([(actor.x, actor.y)]) * GRAVITY_MPS2
 
+    def braking(self, vehicle: SumoVehicle, rate_mps2: float) -> float:
+        """Return this rate of braking, or on a patch at most what the friction under the middle of a vehicle allows."""
+        return min(rate_mps2, self._most(vehicle)) if self._slips(vehicle) else rate_mps2
+
+    def _slips(self, vehicle: SumoVehicle) -> bool:
+        return self.friction_at(vehicle.x, vehicle.y) < self._road
+
     def _traffic(self, vehicles: Mapping[str, SumoVehicle], world: World) -> None:
         """Limit the rates of a vehicle in SUMO when it enters a patch, and restore them when it has left it."""
         for name, vehicle in vehicles.items():
             if not vehicle.present or name not in world:
                 continue
-            slips = self.friction_at(vehicle.x, vehicle.y) < self._road
+            slips = self._slips(vehicle)
             if slips or name in self._slowed:
                 world.hold_tyres(name, self._most(vehicle) if slips else None)
                 (self._slowed.add if slips else self._slowed.discard)(name)

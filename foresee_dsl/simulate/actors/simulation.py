@@ -160,6 +160,11 @@ class Simulation:
         if speed_mps is None or actor.id not in self.world:
             self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
 
+    def braking(self, actor: SimulatedActor, rate_mps2: float) -> float:
+        """Return this rate of braking, m/s^2, or what the ground under a vehicle on a lane allows, if that is less."""
+        vehicle = self.sumo_vehicles.get(actor.id) if actor.id in self.world else None
+        return rate_mps2 if vehicle is None else self.ground.braking(vehicle, rate_mps2)
+
     def brake_harder(self, actor: SimulatedActor, most_mps2: float) -> None:
         """Let an actor on a path brake with at least this rate (m/s^2) instead of its comfortable braking; 0 restores
         it.

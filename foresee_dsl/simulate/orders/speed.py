@@ -266,8 +266,10 @@ class Braking:
             return False
         if time_s >= self._brakes.from_s - STEP_S / 100 and (self.acts or self._actor.speed >= STANDS_MPS):
             self.acts = True
-            pace = max(0.0, self._actor.speed - self._brakes.value * STEP_S)
-            self._simulation.brake(self._actor, 0.0 if pace < STANDS_MPS else pace)
+            rate = self._simulation.braking(self._actor, self._brakes.value)
+            pace = max(0.0, self._actor.speed - rate * STEP_S)
+            stands = pace < STANDS_MPS and rate == self._brakes.value  # a slippery patch allows no such last step
+            self._simulation.brake(self._actor, 0.0 if stands else pace)
         return True
 
     def release(self) -> None:
