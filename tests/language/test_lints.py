@@ -137,6 +137,29 @@ def test_an_actor_that_follows_a_path_may_come_to_other_junctions(codes):
 
 
 @pytest.mark.parametrize(
+    ("route", "condition", "reported"),
+    [
+        ("route [west, main]", "box.eta(side_end) < 4 s", True),
+        ("route [west, main]", "box.eta(side_end) > 4 s", False),  # it is infinite
+        ("route [west, main]", "distance(box, side_end) > 4 m", True),
+        ("route [west, main]", "box.eta(j4) < 4 s", False),
+        ("route [west, main]", "box.eta(j5) < 4 s", True),  # the route ends there
+        ("route [west, main, east]", "box.eta(j5) < 4 s", False),
+        ("route from west straight over j4", "box.eta(j4) < 4 s", False),
+        ("route from west straight over j4", "box.eta(j5) < 4 s", True),
+        ("route from west straight over j4", "box.eta(west_end) < 4 s", True),
+        ("route from west straight over j4 straight over j5", "box.eta(j5) < 4 s", False),
+        ("route from west straight over j4 straight over j5", "box.eta(side_end) < 4 s", True),
+        ("route [west]", "box.eta(j4) < 4 s", True),
+        ("route [west, ..., east]", "box.eta(side_end) < 4 s", False),  # the lints do not look for ways
+    ],
+)
+def test_a_junction_that_a_route_does_not_go_over(codes, route: str, condition: str, reported: bool):
+    lines = f"  vehicle box: car.compact {{ {route} }}\n  when {condition} {{\n    runner stops\n  }}"
+    assert [code for code, _ in codes(lines)] == ["FS304"] * reported
+
+
+@pytest.mark.parametrize(
     "condition",
     [
         "time > 70 s or ego.speed > 1 m/s",
