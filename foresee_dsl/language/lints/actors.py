@@ -145,8 +145,9 @@ def _has_gap_between_legs(lints: Collector, route: m.Route, roads: Roads) -> boo
 
 def _off_the_way(lints: Collector, statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> None:
     for comparison in walk(statement):
-        part = comparison.left if isinstance(comparison, m.Comparison) else None
-        if not isinstance(part, m.Measure) or part.what not in ("eta", "distance") or part.actor not in passed:
+        if not isinstance(comparison, m.Comparison) or not isinstance(part := comparison.left, m.Measure):
+            continue
+        if part.what not in ("eta", "distance") or part.actor not in passed:
             continue
         if part.what == "eta" and comparison.op in (">", ">="):
             continue  # an eta is infinite there, so this holds
