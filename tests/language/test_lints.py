@@ -100,6 +100,68 @@ def test_a_trigger_that_may_fire(codes, condition: str):
 @pytest.mark.parametrize(
     "condition",
     [
+        "cutter.speed > 1 m/s",
+        "cutter.speed < -1 m/s",
+        "cutter.speed > 400 km/h",
+        "cutter in junction side_end",
+        "relative_speed(cutter, ego) > 900 km/h",
+        "distance(ego, cutter) < 5 m",
+    ],
+)
+def test_a_recorded_track_may_hold_any_movement(codes, condition: str):
+    Path("a.tracks.csv").write_text("time_s,actor,x_m,y_m,heading_deg,speed_mps\n0.00,17,-90.000,-1.650,0.00,10.000\n")
+    track = '  use tracks "a.tracks.csv"\n  vehicle cutter: car.compact { track "17" }\n'
+    lines = f"{track}  when {condition} {{\n    runner stops\n  }}\n  expect eventually {condition}"
+    assert [code for code, _ in codes(lines)] == ["FS317"]  # the file is not pinned
+
+
+@pytest.mark.parametrize(
+    ("condition", "code"),
+    [
+        ("runner.speed < -1 m/s", []),
+        ("relative_speed(runner, ego) < -250 km/h", []),
+        ("ego.speed < -1 m/s", ["FS303"]),
+        ("runner.eta(j4) < 0 s", ["FS303"]),
+    ],
+)
+def test_an_actor_that_reverses_has_speeds_below_zero(codes, condition: str, code: list[str]):
+    reverses = "  when time > 1 s {\n    runner reverses 25 m at 6 m/s\n  }\n"
+    assert [code for code, _ in codes(f"{reverses}  when {condition} {{\n    runner stops\n  }}")] == code
+
+
+def test_an_actor_that_follows_a_path_may_come_to_other_junctions(codes):
+    leads = "  when time > 1 s {\n    runner follows [20 m ahead of runner] then joins [main, side_back]\n  }\n"
+    asked = "  when runner in junction side_end {\n    runner stops\n  }"
+    assert codes(leads + asked) == []
+    assert [code for code, _ in codes(asked)] == ["FS303"]
+
+
+@pytest.mark.parametrize(
+    ("route", "condition", "reported"),
+    [
+        ("route [west, main]", "box.eta(side_end) < 4 s", True),
+        ("route [west, main]", "box.eta(side_end) > 4 s", False),  # it is infinite
+        ("route [west, main]", "distance(box, side_end) > 4 m", True),
+        ("route [west, main]", "box.eta(j4) < 4 s", False),
+        ("route [west, main]", "box.eta(j5) < 4 s", True),  # the route ends there
+        ("route [west, main, east]", "box.eta(j5) < 4 s", False),
+        ("route from west straight over j4", "box.eta(j4) < 4 s", False),
+        ("route from west straight over j4", "box.eta(j5) < 4 s", True),
+        ("route from west straight over j4", "box.eta(west_end) < 4 s", True),
+        ("route from west straight over j4 straight over j5", "box.eta(j5) < 4 s", False),
+        ("route from west straight over j4 straight over j5", "box.eta(side_end) < 4 s", True),
+        ("route [west]", "box.eta(j4) < 4 s", True),
+        ("route [west, ..., east]", "box.eta(side_end) < 4 s", False),  # the lints do not look for ways
+    ],
+)
+def test_a_junction_that_a_route_does_not_go_over(codes, route: str, condition: str, reported: bool):
+    lines = f"  vehicle box: car.compact {{ {route} }}\n  when {condition} {{\n    runner stops\n  }}"
+    assert [code for code, _ in codes(lines)] == ["FS304"] * reported
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
         "time > 70 s or ego.speed > 1 m/s",
         "ego.speed > 1 m/s and not time > 70 s",
         "ego.speed > 1 m/s and ego.speed >= 0 m/s",
@@ -129,9 +191,22 @@ def test_steps_that_never_come(codes, steps: str, expected: list[str]):
     assert [code for code, _ in codes(f"  when time > 5 s {{\n{steps}\n  }}")] == expected
 
 
-def test_a_stop_that_another_trigger_ends_is_no_end(codes):
-    again = "  when time > 9 s {\n    runner changes speed to 3 m/s\n  }\n"
+@pytest.mark.parametrize(
+    "action",
+    [
+        *("changes speed to 3 m/s", "leaves", "reverses 5 m at 2 m/s", "follows ego gap 2 s", "matches ego"),
+        *("stops at (0 m, -20 m)", "synchronises at (0 m, -20 m) with ego at (-20 m, 0 m)", "brakes 2 m/s^2 for 1 s"),
+    ],
+)
+def test_a_stop_that_another_trigger_ends_is_no_end(codes, action: str):
+    again = f"  when time > 9 s {{\n    runner {action}\n  }}\n"
     assert codes(f"{again}  when time > 5 s {{\n    runner stops\n    then {{ wait 1 s }}\n  }}") == []
+
+
+def test_what_leaves_the_speed_alone_ends_no_stop(codes):
+    again = "  when time > 9 s {\n    runner ignores signals\n    ego ignores signals\n  }\n"
+    found = codes(f"{again}  when time > 5 s {{\n    runner stops\n    then {{ wait 1 s }}\n  }}")
+    assert ("FS303", "then { wait 1 s }") in found
 
 
 @pytest.mark.parametrize(

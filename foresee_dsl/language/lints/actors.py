@@ -8,10 +8,10 @@ from typing import get_args
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.lints.roads import Roads, junctions_of
+from foresee_dsl.language.lints.roads import Roads, passed_by
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import written
-from foresee_dsl.language.traversal import walk
+from foresee_dsl.language.traversal import all_actions, walk
 
 _ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
 _SLACK = 1.01
@@ -97,10 +97,14 @@ def route_lints(lints: Collector, case: TestCase) -> None:
         return
     roads = Roads(case.network)
     passed: dict[str, set[str]] = {}
+    actions = (action for when in case.scenario.all(m.When) for action in all_actions(when.actions))
+    leave_their_route = {action.actor for action in actions if isinstance(action, m.FollowsPath)}
     for actor in case.scenario.actors:
         for item in actor.body:
-            if not _has_gap(lints, item, roads) and (junctions := junctions_of(item, roads)) is not None:
+            if not _has_gap(lints, item, roads) and (junctions := passed_by(item, roads)) is not None:
                 passed[actor.name] = junctions
+    for name in leave_their_route:
+        passed.pop(name, None)
     for statement in case.scenario.body:
         if isinstance(statement, m.When | m.Expect):
             _off_the_way(lints, statement, roads, passed)
@@ -140,12 +144,15 @@ def _has_gap_between_legs(lints: Collector, route: m.Route, roads: Roads) -> boo
 
 
 def _off_the_way(lints: Collector, statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> None:
-    for part in walk(statement):
-        if not isinstance(part, m.Measure) or part.what not in ("eta", "distance") or part.actor not in passed:
+    for comparison in walk(statement):
+        if not isinstance(comparison, m.Comparison) or not isinstance(part := comparison.left, m.Measure):
             continue
+        if part.what not in ("eta", "distance") or part.actor not in passed:
+            continue
+        if part.what == "eta" and comparison.op in (">", ">="):
+            continue  # an eta is infinite there, so this holds
         if part.other in roads.junctions and part.other not in passed[part.actor]:
-            message = (
-                f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` never has a value"
-            )
+            value = "is infinite" if part.what == "eta" else "never has a value"
+            message = f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` {value}"
             help = "its route goes over " + (one_of(sorted(passed[part.actor])) or "no junction")
             lints.add(part, "other", "FS304", message, help)

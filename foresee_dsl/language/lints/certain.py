@@ -11,7 +11,7 @@ from foresee_dsl.language.lints.arithmetic import interval_of_param
 from foresee_dsl.language.logic import holds_for_some, implies_comparison, negated
 from foresee_dsl.language.printer import value_text, written
 
-_NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "ttc_along", "headway", "lateral")
+_NEVER_NEGATIVE = ("time", "eta", "ttc", "ttc_along", "headway", "lateral")
 _WIDEST_LANE_M = 10.0
 """Width of the widest lane that a road can have, m: an actor's offset from the middle of its lane is at most half of
 this width."""
@@ -25,11 +25,12 @@ class About:
     """What the lints know about an actor before the run.
 
     Attributes:
-        moves: True if it has a route or a path.
+        moves: True if it has a route, a path or a track.
         top_mps: maximum speed of its model, m/s; None if the catalogue does not give it.
         model: name of its model.
         length_m: diagonal of its footprint, m; infinite if unknown.
         junctions: junctions that it may reach or start at; None if unknown.
+        backwards: True if it may drive backwards, with a speed below 0.
     """
 
     moves: bool = True
@@ -37,6 +38,7 @@ class About:
     model: str = ""
     length_m: float = math.inf
     junctions: frozenset[str] | None = None
+    backwards: bool = False
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,9 @@ def _out_of_reach(comparison: m.Comparison, limits: Limits) -> str:
 def _range(left: m.Measure, limits: Limits) -> tuple[float, float, str]:
     """Return the smallest and the largest value that a measure can have, SI, and the largest in words."""
     actor, other = limits.actors.get(left.actor or ""), limits.actors.get(str(left.other or ""))
-    low = 0.0 if left.what in _NEVER_NEGATIVE or (left.what == "distance" and other is not None) else -math.inf
+    backwards = actor is not None and actor.backwards
+    not_negative = _NEVER_NEGATIVE if backwards else (*_NEVER_NEGATIVE, "speed")
+    low = 0.0 if left.what in not_negative or (left.what == "distance" and other is not None) else -math.inf
     high, why = math.inf, ""
     if left.what == "time":
         high = limits.end_s
@@ -183,7 +187,7 @@ def _range(left: m.Measure, limits: Limits) -> tuple[float, float, str]:
         tops = [0.0 if not a.moves else a.top_mps for a in (actor, other)]
         if None not in tops:
             high = sum(top or 0.0 for top in tops) * _SLACK
-            low, why = -(tops[1] or 0.0) * _SLACK, "the sum of both maximum speeds"
+            low, why = -high if backwards else -(tops[1] or 0.0) * _SLACK, "the sum of both maximum speeds"
     return low, high, why
 
 

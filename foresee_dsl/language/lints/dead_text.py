@@ -18,28 +18,39 @@ from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import all_actions, parts, walk
 from foresee_dsl.language.units import ROUNDING_S
 
+_ENDS_A_STOP = (m.Stops, m.StopsAt, m.BrakesFor, m.ChangesSpeed, m.Meets, m.KeepsGap, m.MatchesSpeed, m.Synchronises,
+                m.Reverses, m.Leaves)  # fmt: skip
+"""Actions that replace an earlier stop of their actor, or remove the actor, so that the stop is complete."""
 _HELP = "change the condition, or " + remove("remove the actions that wait for it")
 
 
 def certain_conditions(lints: Collector, case: TestCase) -> None:
     """Report triggers and expectations whose result is certain before the run."""
-    limits = _limits_of(case)
     actions = tuple(action for when in case.scenario.all(m.When) for action in all_actions(when.actions))
+    limits = _limits_of(case, actions)
     for when in case.scenario.all(m.When):
         _dead_triggers(lints, when, limits, actions)
     for expect in case.scenario.all(m.Expect):
         _decided(lints, expect, limits)
 
 
-def _limits_of(case: TestCase) -> Limits:
-    """Return what the lints know about a test case's run before it starts: its end, and facts about each actor."""
+def _limits_of(case: TestCase, actions: Sequence[m.Action]) -> Limits:
+    """Return what the lints know about a test case's run before it starts: its end, and facts about each actor.
+
+    `actions` are all actions of its triggers.
+    """
     end = case.scenario.first(m.End)
     end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
     roads = Roads(case.network) if isinstance(case.network, m.Network) else None
-    return Limits(end_s, {actor.name: _about(actor, case.models, roads) for actor in case.scenario.actors})
+    return Limits(end_s, {actor.name: _about(actor, case.models, roads, actions) for actor in case.scenario.actors})
 
 
-def _about(actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: Roads | None) -> About:
+def _about(
+    actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: Roads | None, actions: Sequence[m.Action]
+) -> About:
+    if isinstance(actor, m.Actor) and actor.all(m.Track):
+        return About(backwards=True)  # its track may hold any speed and lead anywhere
+    kinds = {type(action) for action in actions if getattr(action, "actor", "") == actor.name}
     model = models.get(actor.model) if isinstance(actor.model, str) else None
     ways = [item for item in actor.body if isinstance(item, m.Route | m.EdgeRoute | m.AnyPath)]
     top = model.max_speed if model is not None else None
@@ -49,7 +60,8 @@ def _about(actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel], roads: 
         top_mps=top.si if isinstance(top, m.Quantity) else None,
         model=str(actor.model),
         length_m=math.hypot(*sizes) if len(sizes) == 2 else math.inf,
-        junctions=_junctions(ways[0], roads) if roads is not None and len(ways) == 1 else None,
+        junctions=_junctions(ways[0], roads) if roads and len(ways) == 1 and m.FollowsPath not in kinds else None,
+        backwards=m.Reverses in kinds,
     )
 
 
@@ -102,13 +114,12 @@ def _dead_steps(
 
 
 def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
-    """Return the text of an action that never completes: a stop or braking without a duration that no action replaces;
-    otherwise an empty text."""
+    """Return the text of an action that never completes: a stop or braking without a duration that no action ends by
+    replacing it or by removing the actor; otherwise an empty text."""
     if not isinstance(action, m.Stops | m.BrakesFor) or action.duration is not None:
         return ""
-    replaced = (isinstance(o, m.Stops | m.BrakesFor | m.ChangesSpeed | m.Meets) and o is not action for o in others
-                if getattr(o, "actor", "") == action.actor)  # fmt: skip
-    return "" if any(replaced) else written(action)
+    ends = (isinstance(o, _ENDS_A_STOP) and o is not action and o.actor == action.actor for o in others)
+    return "" if any(ends) else written(action)
 
 
 def _never_happens(lints: Collector, item: m.When | m.Then, reason: str) -> None:

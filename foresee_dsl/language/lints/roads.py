@@ -48,6 +48,11 @@ class Roads:
         """Return the junctions at which the given edges, or pieces of them, end."""
         return {end for piece, (_, end) in self._pieces.items() if piece.partition("#")[0] in edges}
 
+    def along(self, edges: Iterable[str]) -> set[str]:
+        """Return the named places that cut the given edges, without the junctions at which the edges end."""
+        whole = {edge.partition("#")[0] for edge in edges}
+        return {place for edge in whole for place in self.on([edge]) - {self.edges[edge][1]}}
+
 
 def junctions_of(item: m.Item, roads: Roads) -> set[str] | None:
     """Return every junction that a route may reach; None if that is unknown."""
@@ -63,3 +68,20 @@ def junctions_of(item: m.Item, roads: Roads) -> set[str] | None:
             return None
         junctions |= {leg.junction} | roads.reached(roads.leaving(leg.junction))
     return junctions
+
+
+def passed_by(item: m.Item, roads: Roads) -> set[str] | None:
+    """Return the junctions that a route may go over, without the one at which it ends; None if that is unknown."""
+    if isinstance(item, m.EdgeRoute) and junctions_of(item, roads) is not None:
+        *before, last = map(str, item.edges)
+        return roads.on(before) | roads.along([last])
+    if not isinstance(item, m.Route) or not isinstance(item.start, str):
+        return None
+    edges = [edge for edge in (item.start, f"{item.start}_back") if edge in roads.edges]
+    passed: set[str] = set()
+    for leg in item.legs:
+        if not isinstance(leg.junction, str):
+            return None
+        passed |= {leg.junction} | roads.reached(edge for edge in edges if leg.junction in roads.reached([edge]))
+        edges = roads.leaving(leg.junction)
+    return passed | roads.along(edges if item.legs else edges[:1])
