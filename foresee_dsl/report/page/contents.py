@@ -84,8 +84,8 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
         ReportedCampaign(campaign, standing_of_written(campaign), name)
         for campaign, name in zip(campaigns, _names(campaigns), strict=True)
     ]
-    shown: set[tuple[str, int, str]] = set()
-    findings = tuple(finding for source in sources for finding in _findings(source, reader, shown))
+    listed_cases: set[tuple[str, int, str]] = set()
+    findings = tuple(finding for source in sources for finding in _findings(source, reader, listed_cases))
     return Contents(
         title=", ".join(dict.fromkeys(c.driver for c in campaigns)),
         headline=_headline(campaigns, findings),
@@ -187,17 +187,21 @@ def _not_run(campaign: WrittenCampaign) -> Iterator[str]:
 # ---- findings -------------------------------------------------------------------------------------------------------
 
 
-def _findings(source: ReportedCampaign, reader: Reader, shown: set[tuple[str, int, str]]) -> Iterator[FindingEntry]:
-    """Yield the findings of a campaign, without those of which all runs are `shown` already, because a campaign with
-    another ranker has the same runs of test cases; `shown` is extended."""
+def _findings(
+    source: ReportedCampaign, reader: Reader, listed_cases: set[tuple[str, int, str]]
+) -> Iterator[FindingEntry]:
+    """Yield the findings of a campaign and add their runs of test cases to `listed_cases`.
+
+    Left out are findings of which all runs are in it, because a campaign with another ranker has the same ones.
+    """
     failures = _failures(source)
     for record in source.campaign.findings or _each_alone(source):
         names = [name for name in (record.name, *record.siblings) if name in failures]
         cases = {(r.driver, r.seed, r.address) for r in (failures[name] for name in names)
                  if isinstance(r.record, CaseRunOutcome)}  # fmt: skip
-        if not names or (len(names) == len(cases) and cases <= shown):
+        if not names or (len(names) == len(cases) and cases <= listed_cases):
             continue
-        shown |= cases
+        listed_cases |= cases
         most = MOST_RUNS if len(reader.playbacks) < MOST_PLAYBACKS else 1
         outcomes = [failures[name] for name in names[:most]]
         if (small := _minimised(source, record, outcomes[0])) is not None:
