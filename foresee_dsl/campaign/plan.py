@@ -106,10 +106,10 @@ class CampaignPlan:
 
     @property
     def longest_s(self) -> float:
-        """Return an upper limit of the wall time of the remaining steps, s, because the number of following steps is
-        unknown.
+        """Return an estimate of the wall time of the remaining steps, s.
 
-        For failures that are to be minimised, the usual share is assumed.
+        The number of following steps is not known: of most the largest number is taken, of those that follow only from
+        some results the usual share, so that it may take longer.
         """
         return (
             sum((stage.to_run + stage.at_most * stage.step.share) * stage.each_s for stage in self.stages) / self.jobs

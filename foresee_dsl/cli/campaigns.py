@@ -117,8 +117,8 @@ def campaign(
         stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )
     with Part.READING:
-        cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
-        cases, left_out = _chosen(cases, request, flags.out)
+        cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), None, flags.only)
+        cases, left_out = _chosen(cases, request, flags)
         _check(cases)
     if profiler is not None:
         profiler.ready()
@@ -149,26 +149,28 @@ def campaign(
     for note in notes:
         screen.print(note, markup=False)
     if results[-1][1].interrupted:
-        ended = "Stopped at the first failure. " if first_failure.name and fail_fast else "The time budget is used up. "
-        screen.print(f"{'' if stop() else ended}The same command continues from there.")
+        at_failure = bool(first_failure.name) and fail_fast and not stop()
+        ended = "Stopped at the first failure. " if at_failure else "The time budget is used up. "
+        again = "The same command without --fail-fast" if at_failure else "The same command"
+        screen.print(f"{'' if stop() else ended}{again} continues from there.")
         if stop():
             raise typer.Exit(stop.exit_code)
     if any(result.broken or (result.failed and not exit_zero) for _, result in results):
         raise typer.Exit(FAILED)
 
 
-def _chosen(cases: Sequence[TestCase], request: Request, out: Path) -> tuple[tuple[TestCase, ...], list[str]]:
-    """Return the test cases that have the campaign's goal (all test cases without a goal), and notes on what is left
-    out: other test cases, and earlier failures that belong to none of them.
+def _chosen(cases: Sequence[TestCase], request: Request, flags: Flags) -> tuple[tuple[TestCase, ...], list[str]]:
+    """Return the first of the test cases that have the campaign's goal (without a goal, of all), and notes on what is
+    left out: other test cases, and earlier failures that belong to none of them.
     """
     from foresee_dsl.campaign.allocation.earlier import EarlierMutants
     from foresee_dsl.campaign.goal import left_out, with_goal
 
     settings = request.settings[0]
     notes = [left_out(cases, settings.goal)]
-    cases = with_goal(cases, settings.goal)
+    cases = with_goal(cases, settings.goal)[: flags.first]
     if settings.first_from:
-        earlier = EarlierMutants.in_folder(Path(settings.first_from), but=request.folder(settings, out))
+        earlier = EarlierMutants.in_folder(Path(settings.first_from), but=request.folder(settings, flags.out))
         if others := earlier.left_out(cases):
             of = f"{others} of {counted(earlier.count, 'failing mutant')} in {settings.first_from}"
             belong = "belongs" if others == 1 else "belong"
@@ -322,8 +324,8 @@ def plan(
     from foresee_dsl.language.project.loading import load_test_cases
 
     request = requested(ctx, paths, flags)
-    cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
-    cases, left_out = _chosen(cases, request, flags.out)
+    cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), None, flags.only)
+    cases, left_out = _chosen(cases, request, flags)
     folder, part = flags.store_folder, shard_of(flags.shard)
     stored = (folder / "runs.sqlite").is_file()
     with Store(folder, write=False) if stored else nullcontext() as store:
@@ -373,12 +375,13 @@ def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> N
     if not to_run + more:
         screen.print(f"All results are in {folder} already: nothing is left to run.")
         return
-    screen.print(f"{to_run} runs" + (f", and at most {more} that follow from them" if more else ""))
+    screen.print(counted(to_run, "run") + (f", and at most {more} that follow from them" if more else ""))
     means = (
         "by the times in the store"
         if campaign_plan.measured
         else "by usual times, as the store has none of some stages"
     )
-    screen.print(f"at most {duration(campaign_plan.longest_s)} on {campaign_plan.jobs} workers, {means}")
+    on = counted(campaign_plan.jobs, "worker")
+    screen.print(f"about {duration(campaign_plan.longest_s)} on {on}, {means}")
     if not stored:
         screen.print(f"There is no store in {folder} yet.")

@@ -57,6 +57,7 @@ def minimise(
     from foresee_dsl.campaign.findings.minimise_file import Texts, minimise_file
     from foresee_dsl.campaign.findings.named_failure import find_failure
 
+    check_campaign(campaign, finding)
     wanted = find_failure(finding, campaign)
     folder = out or Path("minimised") / wanted.name
     if full:
@@ -114,6 +115,7 @@ def review(
     if finding is None:
         _list_findings(campaign, json=json)
         return
+    check_campaign(campaign, finding)
     finding_review = review_of(find_failure(finding, campaign, tests=True))
     if json:
         print_json(finding_review)
@@ -121,6 +123,20 @@ def review(
     from foresee_dsl.report.terminal.review import review_text
 
     typer.echo(review_text(finding_review), nl=False)
+
+
+def check_campaign(folder: Path, *wanted: str) -> None:
+    """Raise `ForeseeError` if a folder, in which the findings `wanted` are looked up, holds the campaigns of several
+    drivers or rankers instead of one campaign. Files are not looked up in it.
+    """
+    from foresee_dsl.campaign.written import JSON, campaign_folders
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.language.project.addresses import is_file
+
+    by_name = not wanted or not all(is_file(Path(name.partition("::")[0])) for name in wanted)
+    if by_name and not is_file(folder / JSON) and any(folder.glob(f"*/{JSON}")):
+        below = ", ".join(map(str, campaign_folders(folder)))
+        raise ForeseeError(f"{folder} holds several campaigns, each in a folder of its own: name one of {below}")
 
 
 def written_campaign(campaign: Path) -> WrittenCampaign:
@@ -132,6 +148,7 @@ def written_campaign(campaign: Path) -> WrittenCampaign:
     from foresee_dsl.campaign.written import JSON, read_campaign_file
     from foresee_dsl.errors import ForeseeError
 
+    check_campaign(campaign)
     written = read_campaign_file(campaign / JSON)
     if written is None:
         raise ForeseeError(f"there is no campaign in {campaign}: `foresee campaign PATH --out {campaign}` runs one, "
@@ -183,6 +200,7 @@ def diagnose(
 
     if every == (finding is not None):
         raise typer.BadParameter("name one finding, or write --all", param_hint="FINDING")
+    check_campaign(campaign, *([finding] if finding is not None else []))
     if finding is None:
         failures = all_failing(campaign, driver=driver, run_programs=run_programs)
     else:
@@ -230,6 +248,7 @@ def sure(
     from foresee_dsl.report.terminal.live import bars
     from foresee_dsl.report.terminal.review import sureness_text
 
+    check_campaign(campaign, finding)
     failing = failing_named(finding, campaign, driver=driver, seed=seed, run_programs=run_programs)
     with bars(console(error=True)) as progress:
         task = progress.add_task("runs", total=None)

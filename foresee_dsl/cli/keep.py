@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.campaign.workers import CPUS
-from foresee_dsl.cli.findings import CampaignOption, OtherDriverOption
+from foresee_dsl.cli.findings import CampaignOption, OtherDriverOption, check_campaign
 from foresee_dsl.cli.options.campaign_options import Jobs
 from foresee_dsl.cli.options.common import (
     FAILED,
@@ -79,6 +79,7 @@ def keep(
         )
     report = keeping.Report()
     if wanted:
+        check_campaign(campaign, *wanted)
         report = keeping.keep([source_of(name, campaign, full=full) for name in wanted], to, name=as_)
     removed = keeping.prune(to) if prune else ()
     if json:
@@ -207,6 +208,8 @@ def compare(
         tests, deadlines = tests_under(paths), Deadlines(step_deadline, deadline)
         base, new = (side_of_driver(tests, name, jobs=jobs, deadlines=deadlines) for name in names)
     else:
+        for path in paths:
+            check_campaign(Path(path))
         base, new = (side_of_campaign(Path(path)) for path in paths)
     comparison = paired(base, new)
     from foresee_dsl.report.terminal.comparison import print_comparison, to_markdown

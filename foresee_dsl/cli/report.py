@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.findings import CampaignOption
+from foresee_dsl.cli.findings import CampaignOption, check_campaign
 from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, SeedOption, json_document
 from foresee_dsl.cli.options.output import format_option, report_results
 from foresee_dsl.report.formats import CommandReport
@@ -93,6 +93,7 @@ def view(
     from foresee_dsl.language.project.addresses import is_file
     from foresee_dsl.report.page.single import write_view
 
+    check_campaign(campaign, address)
     if not is_file(Path(address.partition("::")[0])) and is_file(campaign / "campaign.json"):
         address = str(find_failure(address, campaign, tests=True).file)
 

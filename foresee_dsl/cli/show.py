@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foresee_dsl.cli.findings import check_campaign
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.common import WIDEST
 from foresee_dsl.language.campaign_values import SEED
@@ -146,6 +147,7 @@ def show(
     """
     from foresee_dsl.report.show.sources import RunRequest, find
 
+    check_campaign(campaign, *targets)
     _one_file(targets, png, svg, gif, criticality, states)
     request = RunRequest(driver, seed, campaign, allow_outside, fresh, full)
     console = _console()

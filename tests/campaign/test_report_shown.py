@@ -79,6 +79,12 @@ def test_a_suggested_command_repeats_the_store_and_the_reference_drivers_and_der
     assert """--out out --against 'idm,"a,b"' --risky-points""" in text
 
 
+def test_a_suggested_command_names_single_test_cases_beside_a_whole_file() -> None:
+    seeds = tuple(replace(PASSED, id=name) for name in (*(f"b.foresee::r{k}" for k in range(4)), "a.foresee::r01"))
+    text = shown(CampaignResult(CampaignSettings(), seeds, (), 1.0))
+    assert "foresee campaign a.foresee::r01 b.foresee --driver pdm" in text
+
+
 def test_an_interrupted_campaign_without_failures_promises_nothing() -> None:
     near = NearMisses(NearMiss(0.31, 4.35, "walker"), None, None, None)
     text = shown(CampaignResult(CampaignSettings(), (replace(PASSED, near=near),), (), 1.0, interrupted=True))

@@ -358,6 +358,10 @@ def _references(names: str | tuple[str, ...] | None, driver: str) -> tuple[str, 
     if names is None:
         return reference_drivers(driver)
     listed = common.names_in(names) if isinstance(names, str) else names
+    if NOBODY in listed and len(listed) > 1:
+        raise typer.BadParameter(
+            f"`{NOBODY}` stands alone: remove it, or write only `{NOBODY}`", param_hint="--against"
+        )
     references = tuple(dict.fromkeys(name for name in listed if name != NOBODY))
     for name in references:
         find_driver(name)

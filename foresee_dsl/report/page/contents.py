@@ -18,7 +18,7 @@ from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.triage.decisions import counted_decisions
 from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.campaign.written import WrittenCampaign, read_campaign_folder
-from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
+from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, case_runs, failing_runs
 from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, ended, numbers, overview
 from foresee_dsl.report.safe_text import counted
@@ -80,25 +80,44 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
         ForeseeError: a folder does not hold a campaign.
     """
     campaigns = [read_campaign_folder(folder) for folder in folders]
-    sources = [ReportedCampaign(campaign, standing_of_written(campaign)) for campaign in campaigns]
-    several = len(sources) > 1
-    findings = tuple(finding for source in sources for finding in _findings(source, reader, several=several))
+    sources = [
+        ReportedCampaign(campaign, standing_of_written(campaign), name)
+        for campaign, name in zip(campaigns, _names(campaigns), strict=True)
+    ]
+    listed_cases: set[tuple[str, int, str]] = set()
+    findings = tuple(finding for source in sources for finding in _findings(source, reader, listed_cases))
     return Contents(
         title=", ".join(dict.fromkeys(c.driver for c in campaigns)),
         headline=_headline(campaigns, findings),
         subtitle=_subtitle(campaigns),
         findings=findings,
-        notes=tuple(note for source in sources for note in _notes(source)),
+        notes=(
+            *(note for source in sources for note in _notes(source)),
+            *_counts(campaigns),
+            *(note for campaign in campaigns for note in _not_run(campaign)),
+        ),
         overview=tuple(overview(sources, findings)),
         numbers=tuple(numbers(sources)),
     )
 
 
+def _names(campaigns: Sequence[WrittenCampaign]) -> list[tuple[str, ...]]:
+    """Return what tells each campaign from the others: its driver, and as far as needed ranker, preset and folder."""
+    if len(campaigns) == 1:
+        return [()]
+    names: list[tuple[str, ...]] = [(campaign.driver,) for campaign in campaigns]
+    for others in ([c.ranker for c in campaigns], [c.preset for c in campaigns], [c.folder.name for c in campaigns]):
+        often = Counter(names)
+        if len(set(others)) > 1:
+            names = [(*name, other) if often[name] > 1 else name for name, other in zip(names, others, strict=True)]
+    return names
+
+
 def _headline(campaigns: Sequence[WrittenCampaign], findings: Sequence[FindingEntry]) -> str:
-    runs = sum(finding.count for finding in findings)
+    runs = failing_runs(findings)
     children = sum(c.children for c in campaigns)
     clips = sum(c.clips for c in campaigns)
-    cases = sum(len(c.test_cases) for c in campaigns)
+    cases = len({case.id for c in campaigns for case in c.test_cases})
     finding = f"{counted(len(findings), 'finding')} in {counted(runs, 'failing run')}" if findings else "No failures"
     return (
         f"{finding}, among {counted(children, 'child', 'children')} of {counted(clips, 'clip')} "
@@ -114,7 +133,8 @@ def _subtitle(campaigns: Sequence[WrittenCampaign]) -> str:
     rankers = ", ".join(dict.fromkeys(c.ranker for c in campaigns))
     return (
         f"driver {drivers} · ranker {rankers} · preset {first.preset} · clips of at most {length:g} s · "
-        f"{settings.risky_points} risky points × {settings.children} children · seed {settings.seed}"
+        f"{counted(settings.risky_points, 'risky point')} × {counted(settings.children, 'child', 'children')} · "
+        f"seed {settings.seed}"
     )
 
 
@@ -136,15 +156,30 @@ def _notes(source: ReportedCampaign) -> Iterator[str]:
             f"{counted(goal.findings, 'finding')} break it{others}."
         )
     yield from source.standing.notes
-    broke = Counter(map(ended, campaign.test_cases))
-    counts = [f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _WITHOUT_NOTE]
-    counts += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
-    if counts:
-        yield f"Of {counted(len(campaign.test_cases), 'test case')}, {', '.join(counts)}: see the overview."
-    children = sum(bool(c.broken_expectations) and c.verdict is Verdict.PASS for clip in campaign.clip_runs
-                   for c in clip.children)  # fmt: skip
+
+
+def _counts(campaigns: Sequence[WrittenCampaign]) -> Iterator[str]:
+    """Yield how many test cases, with each driver, and how many children of all campaigns need a note."""
+    runs = case_runs(campaigns)
+    drivers = list(dict.fromkeys(driver for driver, _ in runs))
+    for driver in drivers:
+        cases = [case for of, case in runs if of == driver]
+        broke = Counter(map(ended, cases))
+        counts = [
+            f"{broke[v.value]} ended with {v.value}" for v in Verdict if broke[v.value] and v not in _WITHOUT_NOTE
+        ]
+        counts += [f"{broke[EXPECTATION]} broke an expectation"] if broke[EXPECTATION] else []
+        if counts:
+            of = f"{counted(len(cases), 'test case')}{f' with {driver}' if len(drivers) > 1 else ''}"
+            yield f"Of {of}, {', '.join(counts)}: see the overview."
+    children = sum(bool(c.broken_expectations) and c.verdict is Verdict.PASS for campaign in campaigns
+                   for c in campaign.mutants)  # fmt: skip
     if children:
-        yield f"Of {counted(campaign.children, 'child', 'children')}, {children} broke an expectation (overview)."
+        of = counted(sum(c.children for c in campaigns), "child", "children")
+        yield f"Of {of}, {children} broke an expectation (overview)."
+
+
+def _not_run(campaign: WrittenCampaign) -> Iterator[str]:
     if campaign.broken:
         yield f"{counted(len(campaign.broken), 'step')} could not be run at all: {'; '.join(campaign.broken[:5])}"
 
@@ -152,12 +187,21 @@ def _notes(source: ReportedCampaign) -> Iterator[str]:
 # ---- findings -------------------------------------------------------------------------------------------------------
 
 
-def _findings(source: ReportedCampaign, reader: Reader, *, several: bool) -> Iterator[FindingEntry]:
+def _findings(
+    source: ReportedCampaign, reader: Reader, listed_cases: set[tuple[str, int, str]]
+) -> Iterator[FindingEntry]:
+    """Yield the findings of a campaign and add their runs of test cases to `listed_cases`.
+
+    Left out are findings of which all runs are in it, because a campaign with another ranker has the same ones.
+    """
     failures = _failures(source)
     for record in source.campaign.findings or _each_alone(source):
         names = [name for name in (record.name, *record.siblings) if name in failures]
-        if not names:
+        cases = {(r.driver, r.seed, r.address) for r in (failures[name] for name in names)
+                 if isinstance(r.record, CaseRunOutcome)}  # fmt: skip
+        if not names or (len(names) == len(cases) and cases <= listed_cases):
             continue
+        listed_cases |= cases
         most = MOST_RUNS if len(reader.playbacks) < MOST_PLAYBACKS else 1
         outcomes = [failures[name] for name in names[:most]]
         if (small := _minimised(source, record, outcomes[0])) is not None:
@@ -170,7 +214,7 @@ def _findings(source: ReportedCampaign, reader: Reader, *, several: bool) -> Ite
         answer = record.preventability or Preventable.UNKNOWN
         yield FindingEntry(
             replace(record, class_=record.class_ or runs[0].class_, preventability=answer),
-            key=f"{source.campaign.driver}-{record.name}" if several else record.name,
+            key="-".join((*source.name, record.name)),
             title=sentence,
             label=runs[0].label,
             driver=source.campaign.driver,

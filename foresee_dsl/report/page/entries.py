@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from foresee_dsl.avoidance.responsibility import FOLDED, Responsibility
 from foresee_dsl.campaign.findings.sureness import Sureness
-from foresee_dsl.campaign.records import WrittenFinding
+from foresee_dsl.campaign.records import CaseRunOutcome, WrittenFinding
 from foresee_dsl.campaign.triage.decisions import Decision
 from foresee_dsl.campaign.triage.standing import Since, Standing
 from foresee_dsl.campaign.written import WrittenCampaign
@@ -22,10 +22,20 @@ _LONGEST_ANCHOR = 120
 
 @dataclass(frozen=True)
 class ReportedCampaign:
-    """A campaign's recorded results, and how they compare with the campaign before."""
+    """A campaign's recorded results, and how they compare with the campaign before.
+
+    name: what tells the campaign from the others of the report, such as its driver; () if it is the only one.
+    """
 
     campaign: WrittenCampaign
     standing: Standing
+    name: tuple[str, ...] = ()
+
+
+def case_runs(campaigns: Iterable[WrittenCampaign]) -> list[tuple[str, CaseRunOutcome]]:
+    """Return the driver and the run of each test case; a run that campaigns of several rankers share comes once."""
+    runs = ((campaign, case) for campaign in campaigns for case in campaign.test_cases)
+    return list({(c.driver, c.settings.seed, case.id): (c.driver, case) for c, case in runs}.values())
 
 
 @dataclass(frozen=True)
@@ -132,6 +142,12 @@ class FindingEntry:
         return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
 
     @property
+    def unmutated(self) -> frozenset[tuple[str, int, str]]:
+        """Return driver, seed and test case of each shown run of a test case without mutation."""
+        runs = [run.outcome for run in self.runs]
+        return frozenset((r.driver, r.seed, r.address) for r in runs if isinstance(r.record, CaseRunOutcome))
+
+    @property
     def folded(self) -> bool:
         """Return whether reports only count the finding: nothing follows from it for the driver, or it was triaged."""
         return self.triage is not None or (self.judgement is not None and self.judgement.whose in FOLDED)
@@ -163,6 +179,12 @@ class FindingEntry:
     def mutated(self) -> bool:
         """Return whether the runs are those of mutants, not of an unmutated test case."""
         return bool(self.runs[0].outcome.operators) or self.runs[0].outcome.parent_trace is not None
+
+
+def failing_runs(findings: Sequence[FindingEntry]) -> int:
+    """Return the number of failing runs of some findings; one that campaigns of several rankers share counts once."""
+    cases = [run for finding in findings for run in finding.unmutated]
+    return sum(finding.count for finding in findings) - len(cases) + len(set(cases))
 
 
 def options_of(findings: Iterable[FindingEntry], key: Callable[[FindingEntry], str]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.written import WrittenCampaign
-from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign
+from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, case_runs, failing_runs
 from foresee_dsl.report.terminal.raw_numbers import family_title
 from foresee_dsl.report.terminal.tables import duration
 from foresee_dsl.report.verdicts import ending
@@ -49,15 +49,14 @@ def overview(sources: Sequence[ReportedCampaign], findings: Sequence[FindingEntr
         yield _by("driver", findings, lambda f: f.driver)
     failed = [
         (
-            *((source.campaign.driver,) if several else ()),
+            *((driver,) if several else ()),
             case.id,
             ended(case),
             case.reason,
             case.preventability.answer if case.preventability else "",
             case.anticipation.answer.value if case.anticipation else "",
         )
-        for source in sources
-        for case in source.campaign.test_cases
+        for driver, case in case_runs(source.campaign for source in sources)
         if ended(case) != Verdict.PASS.value
     ]
     if failed:
@@ -86,15 +85,14 @@ def ended(case: CaseRunOutcome) -> str:
 def _nearest(sources: Sequence[ReportedCampaign]) -> Table:
     """Return the runs that passed with the smallest times to collision."""
     misses: list[tuple[float, tuple[str, ...]]] = []
-    for source in sources:
-        campaign = source.campaign
-        runs = [(case.id, case.verdict, case.near) for case in campaign.test_cases]
-        runs += [(c.name, c.verdict, c.near) for clip in campaign.clip_runs for c in clip.children]
-        for name, verdict, near in runs:
-            first = near.ttc_s if near is not None else None
-            if verdict is Verdict.PASS and first is not None and math.isfinite(first.value):
-                row = (name, first.actor, f"{first.time_s:.2f}", *_misses(near))
-                misses.append((first.value, row))
+    campaigns = [source.campaign for source in sources]
+    runs = [(case.id, case.verdict, case.near) for _, case in case_runs(campaigns)]
+    runs += [(c.name, c.verdict, c.near) for campaign in campaigns for c in campaign.mutants]
+    for name, verdict, near in runs:
+        first = near.ttc_s if near is not None else None
+        if verdict is Verdict.PASS and first is not None and math.isfinite(first.value):
+            row = (name, first.actor, f"{first.time_s:.2f}", *_misses(near))
+            misses.append((first.value, row))
     misses.sort()
     headings = ("run", "with", "at s", "nearest m", "TTC s", "PET s", "braking m/s²")
     return Table("Nearest misses that passed", headings, tuple(row for _, row in misses[:MOST_NEAR]), texts=2)
@@ -121,21 +119,21 @@ def _by(what: str, findings: Sequence[FindingEntry], key: Callable[[FindingEntry
 def _row(name: str, findings: Sequence[FindingEntry]) -> tuple[str, ...]:
     answers = Counter(f.preventability for f in findings)
     ahead = sum(f.anticipation in _PREVENTED for f in findings)
-    counts = (len(findings), sum(f.count for f in findings), *(answers[answer.value] for answer in Preventable), ahead)
+    counts = (len(findings), failing_runs(findings), *(answers[answer.value] for answer in Preventable), ahead)
     return (name, *map(str, counts))
 
 
 def numbers(sources: Sequence[ReportedCampaign]) -> Iterator[Table]:
     """Yield the tables with all numbers of each campaign."""
     for source in sources:
-        campaign, driver = source.campaign, source.campaign.driver if len(sources) > 1 else ""
-        yield Table(f"The campaign {driver}".strip(), ("", "value"), tuple(_figures(campaign)))
-        yield _family_table(campaign, driver)
-        yield _operator_table(campaign, driver)
+        campaign, name = source.campaign, ", ".join(source.name)
+        yield Table(f"The campaign {name}".strip(), ("", "value"), tuple(_figures(campaign)))
+        yield _family_table(campaign, name)
+        yield _operator_table(campaign, name)
         if any(child.round for clip in campaign.clip_runs for child in clip.children):
-            yield _allocation_table(campaign, driver)
+            yield _allocation_table(campaign, name)
         yield Table(
-            f"Test cases {driver}".strip(),
+            f"Test cases {name}".strip(),
             ("test case", "verdict", "how it ended", "points", "nearest m", "TTC s", "PET s", "braking m/s²"),
             tuple(_case_row(case) for case in campaign.test_cases),
             texts=3,
@@ -166,7 +164,7 @@ def _kinds(campaign: WrittenCampaign) -> list[str]:
     return [*(verdict.value for verdict in FAILURES), *([Verdict.GOAL.value] if campaign.goal is not None else [])]
 
 
-def _family_table(campaign: WrittenCampaign, driver: str) -> Table:
+def _family_table(campaign: WrittenCampaign, campaign_name: str) -> Table:
     kinds = _kinds(campaign)
     headings = ("family", "cases", "not passed", "points", "clips", "children", *kinds, "failing children")
     families = {case.id: case.family for case in campaign.test_cases}
@@ -174,7 +172,7 @@ def _family_table(campaign: WrittenCampaign, driver: str) -> Table:
         _family_row(campaign, families, {family}, family_title(family)) for family in sorted(set(families.values()))
     ]
     total = _family_row(campaign, families, set(families.values()), "all")
-    return Table(f"By family {driver}".strip(), headings, tuple(rows), total)
+    return Table(f"By family {campaign_name}".strip(), headings, tuple(rows), total)
 
 
 def _family_row(campaign: WrittenCampaign, families: dict[str, str], which: set[str], name: str) -> tuple[str, ...]:
@@ -194,7 +192,7 @@ def _family_row(campaign: WrittenCampaign, families: dict[str, str], which: set[
     return (name, *map(str, counts))
 
 
-def _operator_table(campaign: WrittenCampaign, driver: str) -> Table:
+def _operator_table(campaign: WrittenCampaign, campaign_name: str) -> Table:
     ran: Counter[str] = Counter()
     failed: Counter[str] = Counter()
     for clip in campaign.clip_runs:
@@ -203,10 +201,10 @@ def _operator_table(campaign: WrittenCampaign, driver: str) -> Table:
             ran[names] += 1
             failed[names] += child.verdict.is_failure
     rows = [(name, str(ran[name]), str(failed[name]), f"{failed[name] / ran[name]:.1%}") for name in sorted(ran)]
-    return Table(f"By operator {driver}".strip(), ("operators", "children", "failing", "share"), tuple(rows))
+    return Table(f"By operator {campaign_name}".strip(), ("operators", "children", "failing", "share"), tuple(rows))
 
 
-def _allocation_table(campaign: WrittenCampaign, driver: str) -> Table:
+def _allocation_table(campaign: WrittenCampaign, campaign_name: str) -> Table:
     """Return the table of children by clip and round; the clips with the most children come first."""
     rounds = sorted({child.round or 0 for clip in campaign.clip_runs for child in clip.children})
     rows = []
@@ -217,7 +215,7 @@ def _allocation_table(campaign: WrittenCampaign, driver: str) -> Table:
         counts = (len(clip.children), *(of[number] for number in rounds), near, failing)
         rows.append((clip.name, *map(str, counts)))
     headings = ("clip", "children", *(f"round {number}" for number in rounds), "near another", "failing")
-    return Table(f"Children by clip {driver}".strip(), headings, tuple(rows))
+    return Table(f"Children by clip {campaign_name}".strip(), headings, tuple(rows))
 
 
 def _case_row(case: CaseRunOutcome) -> tuple[str, ...]:

@@ -380,11 +380,9 @@ def _suggested_lines(result: CampaignResult, out: Path, store: Path | None) -> I
     """Yield the commands to try next."""
     settings = result.settings
     cases = sorted({seed.id for seed in result.seeds})
-    paths = sorted({case.partition("::")[0] for case in cases})
-    if not paths:
+    if not cases:
         return
-    folder = os.path.commonpath([Path(path).parent for path in paths]) or "."
-    named = next((names for names in (cases, paths) if len(names) <= _NAMED_CASES), [folder])
+    named = _paths_of(cases)
     elsewhere = store is not None and store != out / "store"
     folders = ["--out", str(out), *(["--store", str(store)] if elsewhere else [])]
     again = shlex.join(["foresee", "campaign", *named, "--driver", settings.driver, *folders])
@@ -404,6 +402,21 @@ def _suggested_lines(result: CampaignResult, out: Path, store: Path | None) -> I
     references = reference_drivers(settings.driver)
     for why, other in suggested.items():
         yield _path("    ", f"{again}{_options(settings, other, references)}   # {why}")
+
+
+def _paths_of(cases: Sequence[str]) -> list[str]:
+    """Return at most `_NAMED_CASES` paths that contain the test cases: as many of these themselves as there is room
+    for, of the files with the fewest first; else their files, or else the one folder of these."""
+    of_file: dict[str, list[str]] = {}
+    for case in cases:
+        of_file.setdefault(case.partition("::")[0], []).append(case)
+    if len(of_file) > _NAMED_CASES:
+        return [os.path.commonpath([Path(file).parent for file in of_file]) or "."]
+    names = {file: [file] for file in of_file}
+    for file, own in sorted(of_file.items(), key=lambda item: len(item[1])):
+        if sum(map(len, names.values())) - 1 + len(own) <= _NAMED_CASES:
+            names[file] = own
+    return [name for file in sorted(names) for name in names[file]]
 
 
 REPEATED = ("ranker", "preset", "before_s", "after_s", "handover_s", "seed", "allocation", "rules", "goal",
