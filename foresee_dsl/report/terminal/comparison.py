@@ -15,7 +15,7 @@ from foresee_dsl.campaign.regression.comparison import MEASURES, CampaignCompari
 from foresee_dsl.campaign.regression.expectations import Status, in_words
 from foresee_dsl.campaign.regression.verify import Recheck
 from foresee_dsl.files import rendered
-from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.report.terminal.tables import plain_table
 
 _ORDER = {status: rank for rank, status in enumerate(Status)}
@@ -118,7 +118,7 @@ def _parts(comparison: CampaignComparison) -> Iterator[tuple[str, str, Sequence[
 
 def paired(comparison: CampaignComparison) -> str:
     """Return in words how many test cases both sides have, and how many are on one side only or were edited."""
-    parts = [f"{len(comparison.pairs)} test cases on both sides"]
+    parts = [f"{counted(len(comparison.pairs), 'test case')} on both sides"]
     counts = (
         (comparison.only_base, "only in base"),
         (comparison.only_new, "only in new"),
