@@ -16,6 +16,7 @@ scenario s {
   use network "%s/networks/town.foresee"
 
   ego: car.sedan { route from mill_west straight over mill_oak straight over mill_elm }
+  vehicle other: car.compact { route from king_west straight over king_oak; }
 
   when time > 1 s {
     ego ignores signals
@@ -29,6 +30,12 @@ scenario s {
     ("condition", "code", "message", "help"),
     [
         ("ego in junction mill_oka", "FS251", "no junction called mill_oka", "mill_oak"),
+        ("ego.eta(ego) < 2 s", "FS251", "no junction called ego", ""),
+        ("ego in junction ego", "FS251", "no junction called ego", ""),
+        ("ego.eta(mill_oka) < 2 s", "FS251", "no junction called mill_oka", "mill_oak"),
+        ("ego runs red at mill_oka", "FS251", "no junction called mill_oka", "mill_oak"),
+        ("ego yields to other at mill_oka", "FS251", "no junction called mill_oka", "mill_oak"),
+        ("ego yields to other at crossing of mill_oka", "FS251", "no junction called mill_oka", "mill_oak"),
         ("ego within 5 m of mill_oka", "FS251", "no actor and no junction called mill_oka", "mill_oak"),
         ("ego within 5 m of 900 m along ego.route", "FS252", "after the end of the route of ego", "m long"),
         ("ego.signal(mill_oak) is red", "FS251", "no signal at mill_oak", "mill_elm"),
@@ -54,7 +61,7 @@ def test_what_is_not_there_is_said(
     assert message in found.message
     assert help in found.help
     assert found.span is not None
-    assert found.span.line == 10
+    assert found.span.line == 11
 
 
 def test_places_of_conditions_are_resolved(scenarios: Path, tmp_path: Path) -> None:

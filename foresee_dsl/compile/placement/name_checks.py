@@ -71,10 +71,10 @@ class NameChecks:
     def _part(self, kind: str, part: m.Condition, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         if isinstance(part, m.Comparison) and isinstance(part.left, m.Measure) and part.left.other is not None:
             other = word_of(part.left.other)
-            if other not in self._actors:
-                yield from self._junction("", kind, other)
-        elif isinstance(part, m.InJunction) and part.junction is not None:
-            yield from self._junction("", kind, word_of(part.junction))
+            if part.left.what == "eta" or other not in self._actors:
+                yield from self._junction("", kind, other, (part.left.kind, "other"))
+        elif isinstance(part, m.InJunction | m.RunsRed | m.YieldsAt | m.YieldsAtCrossing) and part.junction is not None:
+            yield from self._junction("", kind, word_of(part.junction), (part.kind, "junction"))
         elif isinstance(part, m.InLane):
             yield from self._lane(kind, part)
         elif isinstance(part, m.Within):
@@ -285,10 +285,11 @@ class NameChecks:
                 )
             yield Problem("", kind, "FS251", message, help, stage)
 
-    def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:
+    def _junction(self, actor: str, at: str, junction: str, field: tuple[str, str] = ("", "")) -> Iterator[Problem]:
+        """Yield a problem if there is no such junction; `field`: see `Problem`."""
         if not self._network.is_junction(junction):
-            message = f"there is no junction called {junction}"
-            yield Problem(actor, at, "FS251", message, did_you_mean(junction, self._network.junctions), junction)
+            message, help = f"there is no junction called {junction}", did_you_mean(junction, self._network.junctions)
+            yield Problem(actor, at, "FS251", message, help, junction, field=field)
 
     def _meeting(
         self, owner: str, at: str, name: str, item: m.Meets | m.MeetsState, placed: Mapping[str, PlacedActor]
