@@ -22,12 +22,12 @@ def mutate_file(
     """Mutate a clip's file and run the mutants, whose files belong into the folder `out`, by default beside the clip.
 
     Raises:
-        ForeseeError: the file is not a clip, or is one of a campaign, whose mutants must not be replaced, and there is
-            no `out`.
+        ForeseeError: the file is not a clip, or the folder has the mutants of a campaign, which would be replaced.
     """
-    if out is None and (campaign := _campaign_of(file)) is not None:
+    folder = out or file.parent
+    if (campaign := _campaign_of(folder)) is not None:
         raise ForeseeError(
-            f"{file} is a clip of the campaign in {campaign}, and the new mutants would replace those of the campaign: "
+            f"the new mutants would replace those of the campaign in {campaign}: "
             "name another folder for them with `--out`"
         )
     clip_case = load_test_case(str(file), allow_outside=allow_outside)
@@ -38,14 +38,13 @@ def mutate_file(
     result = setup.run(clip_case)
     drove = driver_of(result.trace, driver)
     mutants = mutate(clip_case, model, result.trace, preset=preset, count=count, seed=seed, driver=drove)
-    folder = out or file.parent
     placed = (mutant.model_copy(update={"parent": relative_path(file, folder)}) for mutant in mutants)
     return tuple(run_child(mutant, clip_case, folder / f"{mutant.name}.foresee", setup)[0] for mutant in placed)
 
 
-def _campaign_of(clip: Path) -> Path | None:
-    """Return the folder of the campaign to whose results a clip's file belongs; None if it belongs to none."""
-    for part in clip.absolute().parents:
+def _campaign_of(folder: Path) -> Path | None:
+    """Return the folder of the campaign to whose results a folder belongs; None if it belongs to none."""
+    for part in (folder.absolute(), *folder.absolute().parents):
         if part.name in PARTS and (part.parent / JSON).is_file():
             return Path(os.path.relpath(part.parent))
     return None

@@ -98,18 +98,18 @@ class CampaignPlan:
             "stages": self.stages,
             "runs": self.runs_to_do,
             "jobs": self.jobs,
-            "at_most_s": rounded(self.longest_s, 1),
+            "at_most_s": rounded(self.estimated_s, 1),
             "measured": self.measured,
             "allocation": or_null(self.allocation),
             "graph": self.links,
         }
 
     @property
-    def longest_s(self) -> float:
+    def estimated_s(self) -> float:
         """Return an estimate of the wall time of the remaining steps, s.
 
-        The number of following steps is not known: of most the largest number is taken, of those that follow only from
-        some results the usual share, so that it may take longer.
+        How many steps follow from the results is not known: their largest number is multiplied by the usual share of
+        it, so the steps may take longer.
         """
         return (
             sum((stage.to_run + stage.at_most * stage.step.share) * stage.each_s for stage in self.stages) / self.jobs

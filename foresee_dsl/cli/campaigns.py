@@ -382,6 +382,6 @@ def _print_plan(campaign_plan: CampaignPlan, folder: Path, *, stored: bool) -> N
         else "by usual times, as the store has none of some stages"
     )
     on = counted(campaign_plan.jobs, "worker")
-    screen.print(f"about {duration(campaign_plan.longest_s)} on {on}, {means}")
+    screen.print(f"about {duration(campaign_plan.estimated_s)} on {on}, {means}")
     if not stored:
         screen.print(f"There is no store in {folder} yet.")

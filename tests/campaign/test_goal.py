@@ -206,8 +206,9 @@ def test_new_mutants_do_not_replace_those_of_a_campaign(searched: tuple[Campaign
     _, folder = searched
     clip = next(file for file in (folder / "out" / "children").rglob("*.foresee") if kind_of(file) == "clip")
     before = {file: file.read_bytes() for file in clip.parent.iterdir()}
-    refused = command.foresee("mutate", clip, "--driver", "idm", "--allow-outside", expect=1)
-    assert "name another folder for them with `--out`" in refused.stderr
+    for out in ((), ("--out", clip.parent)):
+        refused = command.foresee("mutate", clip, "--driver", "idm", "--allow-outside", *out, expect=1)
+        assert "name another folder for them with `--out`" in refused.stderr
     options = ("--driver", "idm", "--children", "1", "--out", tmp_path / "mutants", "--allow-outside", "--exit-zero")
     command.foresee("mutate", clip, *options)
     (mutant,) = (tmp_path / "mutants").iterdir()

@@ -58,7 +58,8 @@ class EarlierMutants:
     def in_folder(cls, folder: Path, *, but: Path) -> EarlierMutants:
         """Read a campaign's folder or a folder of kept failures.
 
-        Mutants without a recorded failure do not count. A minimised mutant comes before the one that it was made of.
+        Mutants without a recorded result do not count; those that only broke an expectation do. A minimised mutant
+        comes before the one that it was made of.
         `but`: the folder of the campaign that asks, which it will replace.
 
         Raises:

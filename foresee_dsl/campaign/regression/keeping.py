@@ -71,11 +71,11 @@ def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:
     """
     if mistakes := placement_mistakes([source.case for source in sources]):
         raise InputError(mistakes)
-    writer = _SuiteFiles(folder)
-    tests = tuple(writer.test(source, name or source.name) for source in sources)
-    writer.write(sources, tests)
+    files = _SuiteFiles(folder)
+    tests = tuple(files.test(source, name or source.name) for source in sources)
+    files.write(sources, tests)
     write_index(folder, tests_in(folder))
-    return Report(tests, tuple(writer.parents), tuple(writer.notes))
+    return Report(tests, tuple(files.parents), tuple(files.notes))
 
 
 def prune(folder: Path) -> tuple[Path, ...]:

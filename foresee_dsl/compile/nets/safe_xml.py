@@ -187,9 +187,9 @@ def _pieces_of(path: Path, error: type[ForeseeError], *, keep: bool, limit: str 
     depth = count = attributes = 0
     root: Element | None = None
     with open_packed(path, error, limit) as file:
-        pieces = _FileInBlocks(path, file, error)
-        for event, element in iterparse(pieces, events=("start", "end")):
-            pieces.pending = 0
+        blocks = _FileInBlocks(path, file, error)
+        for event, element in iterparse(blocks, events=("start", "end")):
+            blocks.pending = 0
             if event == "end":
                 depth -= 1
                 _check_opens_none(element, path, error)

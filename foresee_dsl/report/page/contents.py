@@ -197,8 +197,7 @@ def _findings(
     failures = _failures(source)
     for record in source.campaign.findings or _each_alone(source):
         names = [name for name in (record.name, *record.siblings) if name in failures]
-        cases = {(r.driver, r.seed, r.address) for r in (failures[name] for name in names)
-                 if isinstance(r.record, CaseRunOutcome)}  # fmt: skip
+        cases = {key for name in names if (key := failures[name].unmutated) is not None}
         if not names or (len(names) == len(cases) and cases <= listed_cases):
             continue
         listed_cases |= cases

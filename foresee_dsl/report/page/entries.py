@@ -144,8 +144,7 @@ class FindingEntry:
     @property
     def unmutated(self) -> frozenset[tuple[str, int, str]]:
         """Return driver, seed and test case of each shown run of a test case without mutation."""
-        runs = [run.outcome for run in self.runs]
-        return frozenset((r.driver, r.seed, r.address) for r in runs if isinstance(r.record, CaseRunOutcome))
+        return frozenset(key for run in self.runs if (key := run.outcome.unmutated) is not None)
 
     @property
     def folded(self) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.campaign.records import JudgedRun, WrittenMinimised
+from foresee_dsl.campaign.records import CaseRunOutcome, JudgedRun, WrittenMinimised
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
@@ -85,6 +85,13 @@ class FailingRun:
     def label(self) -> str:
         """Return the run's name, with a note if the mutant was minimised."""
         return f"{self.name}, minimised" if self.minimised is not None else self.name
+
+    @property
+    def unmutated(self) -> tuple[str, int, str] | None:
+        """Return driver, seed and test case of a run without mutation, which campaigns of several rankers share; None
+        for a mutant's.
+        """
+        return (self.driver, self.seed, self.address) if isinstance(self.record, CaseRunOutcome) else None
 
 
 @dataclass(frozen=True)

@@ -177,8 +177,9 @@ class LinesOfSight:
 
 
 def sight_of(bundle: SumoBundle, sensors: SensorSettings = STANDARD, *, observer: int = 0) -> Sight:
-    """Return the lines of sight from an actor, the ego or that of another column of the trace, to all others through
-    these sensors, without their noise.
+    """Return the lines of sight from an actor to all others through these sensors, without their noise.
+
+    `observer`: the actor's column in a trace; 0 is the ego.
     """
     scene = bundle.scene
     bodies = Bodies.of([actor.model for column, actor in enumerate(scene.actors) if column != observer])
