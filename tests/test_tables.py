@@ -179,9 +179,11 @@ def resolved(name: str) -> Any:
 
 
 def written(cell: str) -> Any:
-    """Return a cell's value in SI: a number with its unit, a quoted word, several of either, or None."""
+    """Return a cell's value in SI: a number with its unit, a quoted word, several of either, yes or no, or None."""
     if cell == "none":
         return None
+    if cell in ("yes", "no"):
+        return cell == "yes"
     if "; " in cell:
         return tuple(written(part) for part in cell.split("; "))
     if "`" in cell:
@@ -202,6 +204,8 @@ def same(said: Any, value: Any) -> bool:
     if isinstance(value, tuple):
         said = said if isinstance(said, tuple) else (said,)
         return len(said) == len(value) and all(map(same, said, value))
+    if isinstance(value, bool):
+        return said is value
     if isinstance(value, (int, float)):
         return isinstance(said, float) and math.isclose(said, value, rel_tol=1e-4, abs_tol=1e-12)
     return bool(said == value)
@@ -213,6 +217,8 @@ def cell_for(value: Any, cell: str) -> str:
         return cell
     if value is None:
         return "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, (int, float)):
         unit = cell.partition(" ")[2]
         return f"{float(f'{value / _SCALE.get(unit, 1.0):.5g}'):.10g} {unit}".strip()

@@ -57,12 +57,14 @@ class DriverSetup:
     Attributes:
         driver: its address, which determines its sensors. seed: seed of all random choices of a run.
         deadlines: limits of wall time; None: no limits. rules: what a broken traffic rule means.
+        ends_early: a run ends as soon as it can only pass.
     """
 
     driver: str
     seed: int = 0
     deadlines: Deadlines | None = DEADLINES
     rules: RulesMode = RULES_MODE
+    ends_early: bool = False
 
     def run(self, case: TestCase, make: Callable[[], Driver] | None = None) -> RunResult:
         """Compile a test case and simulate it with a new driver, or with the one that `make` returns.
@@ -84,8 +86,8 @@ class DriverSetup:
             # process.
             seed_globals(self.seed)
             return run(bundle, driver_made, seed=self.seed, meta=meta, sensors=sensors_of(self.driver),
-                       deadlines=self.deadlines, rules=self.rules, goal=case.goal, ideal=parts,
-                       futures=futures)  # fmt: skip
+                       deadlines=self.deadlines, rules=self.rules, goal=case.goal,
+                       ends_early=self.ends_early, ideal=parts, futures=futures)  # fmt: skip
 
         def once() -> RunResult:
             if DriverPart.PREDICTION not in ideal:

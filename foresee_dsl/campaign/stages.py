@@ -98,6 +98,7 @@ class Stages:
             tuple((driver, judged_identity(driver, settings.rules)) for driver in settings.against),
             key,
             preset(settings.preset).draws_from_parent,
+            preset(settings.preset).ends_early,
             EarlierMutants.in_folder(Path(settings.first_from), but=out).requests if settings.first_from else None,
         )
         self._after: dict[StepNode, tuple[StepNode, ...]] = {}

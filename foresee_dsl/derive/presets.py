@@ -128,6 +128,8 @@ class MutationPreset:
         farthest_m: distance to the ego at the risky point above which an actor is not a target; None for no limit.
         search: the children are first the best candidates of this search (`avoidance.candidates`), for any actor; the
             other settings of this preset make the remaining children. None: no search.
+        ends_early: a child's run ends as soon as it can only pass; False in the presets of the paper, whose runs last
+            as long as their clips.
     """
 
     name: str
@@ -142,6 +144,7 @@ class MutationPreset:
     head_start: HeadStartSettings = HeadStartSettings()
     line: LineSettings = LineSettings()
     search: CarefulSettings | None = None
+    ends_early: bool = True
 
     @property
     def draws_from_parent(self) -> bool:
@@ -161,6 +164,7 @@ PAPER = MutationPreset(
     targets="letter",
     farthest_m=None,
     steer=SteerSettings(),
+    ends_early=False,
 )
 """The settings of the paper (section 3.4). It does not state for how long an angle is held; here it is held to the
 clip's end. `PAPER_LATE` and `PAPER_BRIEF` are other readings."""
@@ -220,9 +224,7 @@ LAWFUL = replace(
 )
 """Ours: opponents that keep the law and react to the ego; none is steered, swapped or faster than it was."""
 
-HEAVY_WEATHER = MutationPreset(
-    name="heavy_weather", recipes=(("heavy_weather",),), targets="letter", farthest_m=None, steer=SteerSettings()
-)
+HEAVY_WEATHER = replace(PAPER, name="heavy_weather", recipes=(("heavy_weather",),))
 """One child: heavy weather, without other changes (paper, section 4.4, RQ5)."""
 
 PRESETS: Mapping[str, MutationPreset] = MappingProxyType(

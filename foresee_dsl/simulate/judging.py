@@ -55,7 +55,10 @@ class Frame:
 
 
 class Judging:
-    """Judges each frame of one run."""
+    """Judges each frame of one run.
+
+    Attributes: outcome_judge: decides whether and how the run ends, from what this class measures.
+    """
 
     def __init__(self, simulation: Simulation, recorder: Recorder, driver: Driver) -> None:
         self._simulation, self._recorder, self._driver = simulation, recorder, driver
@@ -68,7 +71,7 @@ class Judging:
         squares = self._squares = squares_of(simulation.network)
         footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
         self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.states
-        self._judge = OutcomeJudge(
+        self.outcome_judge = OutcomeJudge(
             ids=[actor.id for actor in others],
             # An actor that the scenario makes stand for the whole run is a static object, even if it is a parked car.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
@@ -84,11 +87,11 @@ class Judging:
         along_m, left_m = simulation.progress.of(simulation.ego, simulation.frame)
         arrived = not self._began_at_goal and along_m >= simulation.scene.goal_s
         if not arrived and self._drives_on(frame):
-            self._judge.moves()
+            self.outcome_judge.moves()
             return
         ego = simulation.ego.bicycle()
         way = WayAhead(simulation.scene, frame.states, along_m, left_m, partial(_signalled, simulation))
-        run_end = self._judge.look(
+        run_end = self.outcome_judge.look(
             frame.time_s,
             ego,
             frame.states[1:, :3],

@@ -27,6 +27,7 @@ from foresee_dsl.simulate.judging import Frame, Judging
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
+from foresee_dsl.simulate.rest_of_run import RestOfRun
 from foresee_dsl.simulate.results.infraction import Infraction
 from foresee_dsl.simulate.results.outcome import RunEnd
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
@@ -48,6 +49,7 @@ def run(
     deadlines: Deadlines | None = DEADLINES,
     rules: RulesMode = RULES_MODE,
     goal: str = "",
+    ends_early: bool = False,
     ideal: frozenset[DriverPart] = frozenset(),
     futures: Trace | None = None,
 ) -> RunResult:
@@ -66,6 +68,7 @@ def run(
             (`report`), or is not examined for that (`off`).
         goal: label of the expectation that is the goal of a search: a run that passes otherwise, but breaks it, fails,
             and the trace's `meta` has its margin at every frame; "" for none.
+        ends_early: the run ends as soon as it can only pass (see `rest_of_run`).
         ideal: parts of the driver that are replaced by ideal ones; ideal perception also needs ideal `sensors`.
         futures: the run from which an ideal prediction knows what the others do.
 
@@ -80,6 +83,8 @@ def run(
         try:
             with Part.PLACING:
                 prepared = Run(bundle, driver, seed, dict(meta or {}), sensors, watch, rules, goal)
+                if ends_early and not ideal:  # ideal control is faster than the vehicle
+                    prepared.end_early()
                 prepared.idealise(ideal, futures)
             result = prepared.go()
         finally:
@@ -130,6 +135,7 @@ class Run:
         self._expectations = Expectations(bundle.scene.expects, self._conditions, goal)
         self._fails = rules is RulesMode.FAIL
         self._rules = self._conditions.rules(self._simulation.ego) if rules is not RulesMode.OFF else None
+        self._rest: RestOfRun | None = None
         self._ideal: frozenset[DriverPart] = frozenset()
         self._truth: GroundTruth | None = None
         self._follower: Follower | None = None
@@ -147,6 +153,10 @@ class Run:
     def has_the_world(self) -> bool:
         """Whether this process's SUMO still simulates this run: a later run in the process takes it over."""
         return self._world.is_shared and self._world.runs == self._number
+
+    def end_early(self) -> None:
+        """End the run as soon as it can only pass."""
+        self._rest = RestOfRun(self._simulation, self._judging.outcome_judge, self._rules, self._expectations)
 
     def idealise(self, ideal: frozenset[DriverPart], futures: Trace | None) -> None:
         """Replace parts of the driver by ideal ones from its `reset` on."""
@@ -201,6 +211,9 @@ class Run:
         self._judging.step(frame)
         if self._rules is not None:
             self._rules.look()
+        if frame.run_end is None and self._rest is not None and self._rest.can_only_pass(frame.states):
+            ends = f"no failure is possible any more before the end at {self._simulation.scene.end_s:.2f} s"
+            frame.run_end = RunEnd(Verdict.PASS, frame.time_s, "", f"drove to {frame.time_s:.2f} s: {ends}")
         if frame.run_end is not None:
             self._conditions.end_rules(frame.run_end)
         hit = frame.run_end is not None and bool(frame.run_end.with_)

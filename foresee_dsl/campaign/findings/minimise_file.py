@@ -12,13 +12,14 @@ from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.keys import judged_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.child import ChildStep, run_length
 from foresee_dsl.campaign.steps.inputs import risk_hash
 from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised
 from foresee_dsl.campaign.storage.store import Store, StoredResult
 from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
+from foresee_dsl.derive.presets import preset
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import absolute, cache_folder, read_outside_text, write_whole
@@ -64,7 +65,8 @@ def minimise_file(
     limit_m, run_seed = settings.fidelity_limit_m, settings.seed
     identity = judged_identity(setup.driver, RULES_MODE)
     # The keys are those of the steps of a campaign, whose results are found by them.
-    child = key(ChildStep, clip=mutant.pin, meaning=case.meaning, driver=identity, seed=setup.seed)
+    length = run_length(preset(settings.preset).ends_early)
+    child = key(ChildStep, clip=mutant.pin, meaning=case.meaning, driver=identity, seed=setup.seed, **length)
     its = key(MinimiseStep, child=child, risk=risk_hash(clip), run_seed=run_seed, limit_m=limit_m, budget=budget)
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")

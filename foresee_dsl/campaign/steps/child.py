@@ -37,15 +37,17 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
     usual_s = 0.12
 
     mutant: MutantDraft
+    ends_early: bool
 
     @classmethod
     def following(cls, above: MutantsStep, result: Mutants | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per mutant."""
-        again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
+        again, ends_early = f"_s{above.seed}" if above.seed != campaign.settings.seed else "", campaign.ends_early
         for mutant in result.drafts if result is not None else ():
             key = campaign.key(cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver,
-                               seed=above.seed, **campaign.goal)  # fmt: skip
-            yield cls(key, f"{above.name}{again}{mutant.suffix}", above.seed, above.draft, mutant)
+                               seed=above.seed, **campaign.goal, **run_length(ends_early))  # fmt: skip
+            name = f"{above.name}{again}{mutant.suffix}"
+            yield cls(key, name, above.seed, above.draft, mutant, ends_early=ends_early)
 
     @staticmethod
     def at_most(settings: CampaignSettings) -> int:
@@ -58,7 +60,8 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
         file = work.folder / f"{self.name}.foresee"
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name})
-        outcome, result = run_child(mutant, parent, file, work.setup(self.seed), meaning=self.mutant.meaning)
+        setup = replace(work.setup(self.seed), ends_early=self.ends_early)
+        outcome, result = run_child(mutant, parent, file, setup, meaning=self.mutant.meaning)
         return outcome, result.trace if result.verdict.is_failure else None
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
@@ -66,6 +69,13 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         return ChildOutcome(
             self.name, file, self.mutant.text, verdict=verdict, reason=reason, meaning=self.mutant.meaning
         )
+
+
+def run_length(ends_early: bool) -> dict[str, str]:
+    """Return the part of the keys of mutants' runs that says that they last as long as their clips; empty if they end
+    as soon as they can only pass.
+    """
+    return {} if ends_early else {"ends": "with its clip"}
 
 
 def run_child(

@@ -37,6 +37,8 @@ class KeyInputs:
         key: returns the key of a step's class and the parts that its result depends on.
         draws_from_parent: mutants are drawn from the parent's run (`Preset.draws_from_parent`). It is stated here, so
             that the key of a clip does not depend on the code of the presets.
+        ends_early: mutants' runs end as soon as they can only pass (`Preset.ends_early`), stated here for the same
+            reason.
         earlier: returns the failing mutants of earlier campaigns that are run first in a clip with a text; None if
             there are none.
     """
@@ -48,6 +50,7 @@ class KeyInputs:
     references: tuple[tuple[str, str], ...]
     key: Callable[..., str]
     draws_from_parent: bool = False
+    ends_early: bool = False
     earlier: Callable[[str], tuple[RequestedMutant, ...]] | None = None
 
     @property

@@ -282,6 +282,10 @@ class OutcomeJudge:
             return RunEnd(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
         return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
 
+    def may_be_stuck(self, until_s: float) -> bool:
+        """Return whether the ego, which stands now, has stood for `STUCK_AFTER_S` at a later time if it goes on so."""
+        return self._standing_since is not None and until_s - self._standing_since >= STUCK_AFTER_S - 1e-9
+
     def moves(self) -> None:
         """Note that the ego moves at this frame, and that a cheap test has shown that the run goes on."""
         self._standing_since = None
@@ -363,6 +367,10 @@ class Squares:
         return all_whole(points, self.left, self.bottom, self.cell, self.states) or all(
             self._holds(x, y) for x, y in points.tolist()
         )
+
+    def hold_area(self, corners: Sequence[tuple[float, float]]) -> bool:
+        """Return whether a convex area lies wholly on the drivable area; its corners are at most 25 m apart, m."""
+        return bool(shapely.contains_properly(self._area(*corners[0]), shapely.Polygon(corners)))
 
     def _holds(self, x: float, y: float) -> bool:
         column, row = floor((x - self.left) / self.cell), floor((y - self.bottom) / self.cell)

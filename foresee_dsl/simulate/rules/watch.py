@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.kernels.boxes import Box, corner_points
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import SimulatedActor
 from foresee_dsl.simulate.results.infraction import Infraction, Rule
@@ -115,6 +116,38 @@ class RuleWatch:
     def comes(self, area: YieldArea, other: str) -> bool:
         """Return whether another actor has priority at an area now, and has not passed it."""
         return any(contender.actor == other for contender in contenders(self._simulation, self._actor, area))
+
+    def may_break(self, within_s: float, *, ahead_m: float, top_mps: float, place: Box) -> bool:
+        """Return whether the actor could break a rule within a while if it touches no other actor.
+
+        Args:
+            within_s: the time, s. ahead_m: the farthest that it can get along its line, m. top_mps: the highest speed
+                that it can reach. place: contains the middle of the actor at any time within the while.
+        """
+        line = self._line
+        if line is None or not self._fronts:
+            return False
+        front = self._fronts[-1][0] + ahead_m
+        if self._open or (self._stops and self._stops[0].entry_s <= front):
+            return True
+        areas = (*self._inside, *(area for area in self._areas if area.begin_s <= front))
+        if any(area.end_s <= front - 2 * self._half for area in areas):
+            return True
+        if top_mps > self._slowest_limit + FASTER_MPS and within_s >= FASTER_FOR_S:
+            return True
+        return within_s >= BLOCKS_AFTER_S or self._may_cross_middle(line, place)
+
+    def _may_cross_middle(self, line: RouteLine, place: Box) -> bool:
+        """Return whether a box contains a point beyond the lanes of the right direction."""
+        corners = corner_points(place)
+        for (x, y), (to_x, to_y) in zip(corners, (*corners[1:], corners[0]), strict=True):
+            parts = max(math.ceil(math.hypot(to_x - x, to_y - y)), 1)
+            for k in range(parts):
+                at = x + (to_x - x) * k / parts, y + (to_y - y) * k / parts
+                # No point of the outline is more than 0.5 m from one of these.
+                if line.project(*at, self._fronts[-1][0])[1] * self._sign > self._least_side - 0.5:
+                    return True
+        return False
 
     def end(self, run_end: RunEnd) -> tuple[Infraction, ...]:
         """Return all infractions of the run in the order of time, after the run has ended so.

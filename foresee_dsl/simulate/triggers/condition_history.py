@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from foresee_dsl.language.model import Both, Condition, Either, Expect, Not, Sustained
+from foresee_dsl.language.model import Both, Condition, Either, Expect, Not, Predicate, Sustained
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts, si_of
@@ -168,6 +168,13 @@ class Expectations:
         if self._goal is not None:
             self._goal.look(time_s)
 
+    @property
+    def wait_for_contact_only(self) -> bool:
+        """Return whether only a contact of the ego can still break an expectation; False if one is broken already, or
+        if there is a goal, whose margin is recorded to the end.
+        """
+        return self._goal is None and all(watched.waits_for_contact_only for watched in self._watched)
+
     def results(self) -> tuple[ExpectationResult, ...]:
         """Return the result of each expectation, in the scenario's order."""
         return tuple(watched.result() for watched in self._watched)
@@ -216,6 +223,9 @@ class _GoalHistory:
         return GoalSeries.of(self._expect, dimension, unit, margins)
 
 
+_EGO_TOUCHES = Predicate(what="collision", actor="ego")
+
+
 class _Watched:
     """One expectation of a run. Its margin is the distance from the value at which its result would be the opposite.
 
@@ -233,6 +243,7 @@ class _Watched:
         self._fact = truth_of(expect.condition, conditions) if kind is not None and kind.without_memory else None
         self._settles = kind is not None and kind.settles
         self._was: bool | None = None
+        self._of_contact = expect.mode == "never" and expect.condition == _EGO_TOUCHES
 
     def look(self, time_s: float) -> None:
         if time_s > self._until:
@@ -253,6 +264,12 @@ class _Watched:
         # A fact that decides has no margin, so later frames cannot change it.
         decides = self._so_far is not None and self._so_far.held == (self._expect.mode == "eventually")
         self.settled = decides and self._settles
+
+    @property
+    def waits_for_contact_only(self) -> bool:
+        """Return whether it holds, and only a contact of the ego can break it."""
+        held = self._so_far is None or self._so_far.held
+        return held and (self._of_contact or (self.settled and self._so_far is not None))
 
     def result(self) -> ExpectationResult:
         text, name = print_item(self._expect), self._expect.name or ""
