@@ -12,7 +12,7 @@ from rich.console import Console
 
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.grouping import TELLING_WORDS, TITLE_WORDS
-from foresee_dsl.campaign.records import CaseRunOutcome
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.written import JSON, WrittenCampaign
@@ -95,6 +95,16 @@ def test_an_interrupted_campaign_without_failures_promises_nothing() -> None:
 def test_a_suggested_command_repeats_every_setting() -> None:
     names = {field.name for field in fields(CampaignSettings)}
     assert names - {"driver", "fidelity_limit_m"} == set(REPEATED)
+
+
+def test_the_seeds_and_the_broken_expectations_of_mutants_are_counted() -> None:
+    broke = ChildOutcome("m1", verdict=Verdict.PASS, broken_expectations=("does not hold: expect always a",))
+    clip = ClipOutcome(PASSED.id, name="a_p1", verdict=Verdict.PASS, children=(broke, replace(broke, name="m2")))
+    settings = CampaignSettings(seed=3, repeat=4, first_from="old/out")
+    text = shown(CampaignResult(settings, (PASSED,), (clip,), 1.0))
+    assert "0 of 2 mutated children failed, 2 broke only an expectation\n" in text
+    assert "x 4 children, seeds 3 to 6, first the failures of old/out; 1 clip, " in text
+    assert "x 4 children, seed 0; 0 clips, " in shown(CampaignResult(CampaignSettings(), (PASSED,), (), 1.0))
 
 
 def test_paths_stay_whole_on_a_narrow_terminal() -> None:

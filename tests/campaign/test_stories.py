@@ -14,7 +14,7 @@ from foresee_dsl.campaign.allocation.draws import ChildFacts, ClipGroup, DrawMet
 from foresee_dsl.campaign.allocation.earlier import EarlierMutants
 from foresee_dsl.campaign.allocation.rounds import METHODS
 from foresee_dsl.campaign.allocation.stories import Archive, Estimates, Stories
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.findings.named_failure import find_failure
 from foresee_dsl.campaign.findings.review import review_of
 from foresee_dsl.campaign.plan import plan_campaign
@@ -106,7 +106,7 @@ def test_a_child_that_came_near_is_forecast_and_gets_a_further_change(
     mutant = folder / f"{child.name}.foresee"
     mutant.write_text(child.text)
     case = load_test_case(mutant)
-    assert run_test_case(case, "idm", STORIES.seed).trace.digest == child.digest
+    assert DriverSetup("idm", STORIES.seed, ends_early=True).run(case).trace.digest == child.digest
     assert child.name in expanded_text(case)
 
 

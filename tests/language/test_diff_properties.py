@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any
 
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -119,6 +119,8 @@ def check_script(a: m.Definition, b: m.Definition) -> None:
 @SETTINGS
 @given(any_definition(), st.integers(0, 2**32))
 def test_the_script_makes_one_model_of_another(a: m.Definition, seed: int) -> None:
+    networks = [item for item in a.body if isinstance(item, m.Add) and isinstance(item.item, m.Network)]
+    assume(len(networks) < 2)  # a scenario has one network, so which of two comes first means nothing
     rng = random.Random(seed)
     b = varied(a, rng, changes=4)
     assert diff_models(a, a) == ()

@@ -100,8 +100,9 @@ class Round:
         most = ", ".join(f"{name} {count}" for name, count in list(self.clips.items())[:_NAMED])
         more = ", ..." if len(self.clips) > _NAMED else ""
         ways = ", ".join(f"{way} {count}" for way, count in self.ways.items())
+        clips = "1 clip" if len(self.clips) == 1 else f"{len(self.clips)} clips"
         return (
-            f"round {self.number} of {self.of}: {self.children} of {self.total} children to {len(self.clips)} clips: "
+            f"round {self.number} of {self.of}: {self.children} of {self.total} children to {clips}: "
             f"{most}{more} ({ways})"
         )
 

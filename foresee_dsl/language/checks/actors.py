@@ -79,6 +79,14 @@ def _check_place(collector: Collector, actor: m.Ego | m.Actor, ego: m.Ego | None
             help = "add " + write("start at 20 m along ego.route") + ", or a position before the brace"
         missing = {"obstacle": "position", "pedestrian": "path"}.get(actor.kind, "route or path")
         collector.add(actor, "", "FS042", f"'{actor.name}' has no {missing}", help, head_only=True)
+    elif actor.state is not None and not moves and "track" not in kinds and _is_positive(actor.state.speed):
+        missing = "path" if actor.kind == "pedestrian" else "route or path"
+        help = f"add a {missing}, or write " + write("0 m/s")
+        collector.add(actor.state, "speed", "FS042", f"'{actor.name}' has a speed, but no {missing}", help)
+
+
+def _is_positive(value: m.AnyValue | None) -> bool:
+    return isinstance(value, m.Quantity) and value.si > 0
 
 
 def _check_joins(collector: Collector, actor: m.Ego | m.Actor) -> None:

@@ -56,7 +56,7 @@ class StopsAt(Item):
 
     actor: v.ActorName
     where: v.StopOrPlace
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 HARDEST_MPS2 = 12.0
@@ -75,7 +75,7 @@ class BrakesFor(Item):
 
     actor: v.ActorName
     braking: Annotated[v.Acceleration, Bounds(0.01, HARDEST_MPS2)]
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 WIDEST_LINE_M = 5.0
@@ -95,7 +95,7 @@ class ChangesLine(Item):
 
     actor: v.ActorName
     to: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
-    over: Annotated[v.Time, Bounds(0.0)] | None = None
+    over: v.Duration | None = None
 
 
 class KeepsBeside(Item):
@@ -116,7 +116,7 @@ class KeepsBeside(Item):
     room: Annotated[v.Length, Bounds(-20.0, 20.0)]
     side: Literal["left", "right"] | v.Ref
     other: v.ActorName
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 class FollowsPath(Item):
@@ -166,8 +166,8 @@ class KeepsGap(Item):
     actor: v.ActorName
     way: Literal["follows", "leads"]
     other: v.ActorName
-    gap: v.Value
-    duration: v.Time | None = None
+    gap: Annotated[v.Value, Bounds(0.0)]
+    duration: v.Duration | None = None
 
     @property
     def gap_is_time(self) -> bool:
@@ -192,7 +192,7 @@ class MatchesSpeed(Item):
     other: v.ActorName
     factor: Annotated[v.Ratio, Bounds(0.0, 10.0)] | None = None
     more: v.Speed | None = None
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 class Reverses(Item):

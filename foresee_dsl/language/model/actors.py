@@ -203,7 +203,7 @@ class Steers(Item):
 
     value: Annotated[v.Ratio, Bounds(-1.0, 1.0)]
     start: v.Time | None = None
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 class Timing(Item):
@@ -228,7 +228,7 @@ class Delay(Item):
     pattern = "delay {time}"
     words = "delay (statement): an actor moves off this much later | delay 0.5 s"
 
-    time: Annotated[v.Time, Bounds(0.0)]
+    time: v.Duration
 
 
 class Line(Item):
@@ -247,7 +247,7 @@ class Line(Item):
 
     left: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
     start: v.Time | None = None
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 class Brakes(Item):
@@ -265,7 +265,7 @@ class Brakes(Item):
 
     braking: Annotated[v.Acceleration, Bounds(0.0, HARDEST_MPS2)]
     start: v.Time | None = None
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 BESIDE_TRACK = (Track, Joins, StartSpeed, Timing, Delay, Line, Brakes)
@@ -427,5 +427,5 @@ class Traffic(Item):
     name: Annotated[v.Name, Names("actor", defines=True)]
     count: Annotated[v.Count, Bounds(0, 500)]  # ours: more is a traffic study, not a test case
     models: tuple[v.ModelName, ...] = Field(min_length=1)
-    within: v.Length
+    within: Annotated[v.Length, Bounds(0.0)]
     seed: v.Count

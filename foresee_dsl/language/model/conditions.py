@@ -310,7 +310,7 @@ class Sustained(Phrase, kind="for"):
     """
 
     condition: "Condition"
-    duration: v.Time
+    duration: v.Duration
     since: Annotated[v.Time, Bounds(-1e9, 0.0)] | None = None
     """A time of 0 s or earlier; without it, nothing is assumed about the time before the run."""
 

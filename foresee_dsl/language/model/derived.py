@@ -160,7 +160,7 @@ class Change(Item):
     was: Annotated[ParamValue | v.Expression, Names("model")]
     now: Annotated[ParamValue | v.Expression, Names("model")]
     start: v.Time | None = None
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 # ---- scenarios that extend another ----------------------------------------------------------------------------------

@@ -289,7 +289,7 @@ class Expect(Item):
     name: Annotated[v.Name, Names("label", defines=True)] | None = None
     """The label that `extends`, mutants and messages use: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
-    within: Annotated[v.Time, Bounds(0.0)] | None = None
+    within: v.Duration | None = None
     condition: Condition
 
 
@@ -351,7 +351,7 @@ class SignalState(Item, kind="signal"):
 
     junction: v.JunctionId
     stage: v.StageId
-    elapsed: v.Time
+    elapsed: v.Duration
 
 
 _Statement = (

@@ -7,7 +7,7 @@ from pydantic import Field
 from foresee_dsl.language.model import actions as a
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import ONE_OF, Item, Names
+from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names
 
 
 class Meets(Item):
@@ -56,8 +56,8 @@ class ChangesSpeed(Item):
     words = "changes (action): an actor changes its speed or its lane | lead changes speed to 3 m/s over 2 s"
 
     actor: v.ActorName
-    to: v.Speed
-    over: v.Time | None = None
+    to: Annotated[v.Speed, Bounds(0.0)]
+    over: v.Duration | None = None
 
 
 class ChangesLane(Item):
@@ -77,7 +77,7 @@ class Stops(Item):
     words = "stops (action): an actor brakes and stands, for good or for a time | lead stops for 4 s"
 
     actor: v.ActorName
-    duration: v.Time | None = None
+    duration: v.Duration | None = None
 
 
 class Wait(Item):
@@ -86,7 +86,7 @@ class Wait(Item):
     pattern = "wait {duration}"
     words = "wait (action): the next step begins this much later | wait 2 s"
 
-    duration: v.Time
+    duration: v.Duration
 
 
 class Then(Item):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase, checked_by
+from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase, checked_by
 from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -208,6 +208,7 @@ class OfDimension:
 
 Value = Annotated[AnyValue, OfDimension(None)]
 Time = Annotated[Value, OfDimension("time")]
+Duration = Annotated[Time, Bounds(0.0)]
 Length = Annotated[Value, OfDimension("length")]
 Speed = Annotated[Value, OfDimension("speed")]
 Acceleration = Annotated[Value, OfDimension("acceleration")]

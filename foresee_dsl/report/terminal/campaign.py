@@ -241,8 +241,10 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     if children := result.children:
         notes = [child.reason for child in children if _broke(child)]
         more = f", {len(notes)} broke the driver" if notes else ""
+        only = sum(child.verdict is Verdict.PASS and bool(child.broken_expectations) for child in children)
+        more += f", {only} broke only an expectation" if only else ""
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
-        yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes else "")
+        yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes or only else "")
     if dropped := [clip for clip in result.clips if clip.dropped]:
         of = f"{counted(sum(clip.dropped for clip in dropped), 'child', 'children')} of {counted(len(dropped), 'clip')}"
         yield Text(f"not counted: {of} whose own run fails or strays from the parent's run")
@@ -252,10 +254,17 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     yield Text(
         f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, "
         f"clips of at most {length:g} s, {counted(settings.risky_points, 'risky point')} x "
-        f"{counted(settings.children, 'child', 'children')}, seed {settings.seed}; {counted(total.clips, 'clip')}, "
+        f"{counted(settings.children, 'child', 'children')}, {_seeds(settings)}; {counted(total.clips, 'clip')}, "
         f"{duration(result.wall_s)}",
         style="dim",
     )
+
+
+def _seeds(settings: CampaignSettings) -> str:
+    """Return, in words, the seeds with which clips are mutated, and whose failures are run first."""
+    last = settings.seed + settings.repeat - 1
+    seeds = f"seed {settings.seed}" if settings.repeat == 1 else f"seeds {settings.seed} to {last}"
+    return f"{seeds}, first the failures of {safe(settings.first_from, WHOLE)}" if settings.first_from else seeds
 
 
 def _without_clips(result: CampaignResult) -> list[CaseRunOutcome]:
