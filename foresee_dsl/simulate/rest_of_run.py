@@ -28,26 +28,12 @@ from foresee_dsl.simulate.triggers.condition_history import Expectations
 
 LOOKS_S = (2.0, 1.5, 1.2, 1.0, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 """Times before a run's end at which its rest is examined, s. Ours: a driver can leave a road within 0.5 s to 0.7 s at
-any time, and a slow one within 2 s; a test costs as much as two steps (docs/background/performance.md)."""
+any time, a slow one within 2 s (docs/background/performance.md)."""
 SPEEDS_UP_MPS2 = GRAVITY_MPS2
 """Largest acceleration of another actor in any direction, m/s^2: that of tyres on dry asphalt is below 1 g."""
 INSIDE_OF_BEND = 1.5
 """Largest ratio of the progress along the ego's line to the way that the ego drives. Ours: 2 m from the line on the
 inside of a bend with a radius of 6 m."""
-
-
-@dataclass(frozen=True, slots=True)
-class Reach:
-    """Where points of a vehicle can be at any time within a while, from the vehicle's present rear axle and heading.
-
-    Attributes:
-        rear_m, front_m: bounds along the heading, m. right_m, left_m: bounds to the left of it, m.
-    """
-
-    rear_m: float
-    front_m: float
-    right_m: float
-    left_m: float
 
 
 class EgoReach:
@@ -83,25 +69,21 @@ class EgoReach:
         """Whether the vehicle could turn by a right angle or more; then its points have no bounds here."""
         return max(self._left_rad, self._right_rad) >= pi / 2
 
-    def of(self, rear_m: float, front_m: float, beside_m: float) -> Reach:
-        """Return where points of the vehicle can be that lie up to `rear_m` behind its rear axle, up to `front_m` ahead
-        of it, and up to `beside_m` beside its middle line.
+    def of(self, rear_m: float, front_m: float, beside_m: float) -> Box:
+        """Return a box that contains, at any time within the while, all points of the vehicle that lie up to `rear_m`
+        behind its rear axle, up to `front_m` ahead of it, and up to `beside_m` beside its middle line.
         """
         left, right = sin(self._left_rad), sin(self._right_rad)
         turned = beside_m * max(left, right)
-        return Reach(
-            rear_m=-rear_m - turned,
-            front_m=self.way_m + front_m + turned,
-            right_m=-self._right_m - max(front_m * right, rear_m * left) - beside_m,
-            left_m=self._left_m + max(front_m * left, rear_m * right) + beside_m,
-        )
-
-    def box(self, reach: Reach) -> Box:
-        """Return bounds as a box."""
-        ahead, left = (reach.front_m + reach.rear_m) / 2, (reach.left_m + reach.right_m) / 2
+        # Bounds along the present heading, and to the left of it, from the present rear axle.
+        low, high = -rear_m - turned, self.way_m + front_m + turned
+        rightmost = -self._right_m - max(front_m * right, rear_m * left) - beside_m
+        leftmost = self._left_m + max(front_m * left, rear_m * right) + beside_m
+        ahead, aside = (low + high) / 2, (rightmost + leftmost) / 2
         (x, y), c, s = self._rear_axle, cos(self._heading), sin(self._heading)
-        centre = x + c * ahead - s * left, y + s * ahead + c * left
-        return Box(*centre, self._heading, reach.front_m - reach.rear_m, reach.left_m - reach.right_m)
+        return Box(
+            x + c * ahead - s * aside, y + s * ahead + c * aside, self._heading, high - low, leftmost - rightmost
+        )
 
 
 def _turns(wheels_rad: float, wheelbase_m: float, slow: float, fast: float, sideways: float) -> float:
@@ -156,7 +138,7 @@ class Others:
 
 
 class RestOfRun:
-    """Examines the rest of a run from time to time.
+    """Examines the rest of a run at the times `LOOKS_S` before its end.
 
     Args:
         simulation: the run. judge: decides how it ends. rules: watches the rules that the ego must keep; None if they
@@ -201,16 +183,16 @@ class RestOfRun:
             not reach.turns_round
             and self._touches_none(states[1:], reach, within_s)
             and self._breaks_no_rule(reach, within_s)
-            and squares_of(self._simulation.network).hold_area(corner_points(reach.box(reach.of(*self._wheels))))
+            and squares_of(self._simulation.network).hold_area(corner_points(reach.of(*self._wheels)))
         )
 
     def _touches_none(self, states: FloatArray, reach: EgoReach, within_s: float) -> bool:
-        box = np.array(reach.box(reach.of(*self._body)))
+        box = np.array(reach.of(*self._body))
         return not hits(box, *self._others.reach(states, within_s)).size
 
     def _breaks_no_rule(self, reach: EgoReach, within_s: float) -> bool:
         if self._rules is None:
             return True
-        centre = reach.box(reach.of(0.0, max(self._simulation.ego.motion.rear_axle_m, 0.0), 0.0))
+        centre = reach.of(0.0, max(self._simulation.ego.motion.rear_axle_m, 0.0), 0.0)
         ahead_m = reach.way_m * INSIDE_OF_BEND
         return not self._rules.may_break(within_s, ahead_m=ahead_m, top_mps=reach.top_mps, place=centre)

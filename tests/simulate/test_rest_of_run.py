@@ -142,7 +142,7 @@ def test_the_ego_stays_within_its_reach(spec: ModelSpec) -> None:
         if reach.turns_round:
             continue
         examined += 1
-        body = reach.box(reach.of(overhang, spec.length_m - overhang, spec.width_m / 2))
+        body = reach.of(overhang, spec.length_m - overhang, spec.width_m / 2)
         control = Control(rng.choice([-1.0, 0.0, 1.0]), rng.choice([0.0, 1.0]), rng.choice([0.0, 0.0, 1.0]))
         for _ in range(round(within_s / STEP_S)):
             if rng.random() < 0.1:

@@ -42,7 +42,8 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
     @classmethod
     def following(cls, above: MutantsStep, result: Mutants | None, campaign: KeyInputs) -> Iterator[Self]:
         """Yield one step per mutant."""
-        again, ends_early = f"_s{above.seed}" if above.seed != campaign.settings.seed else "", campaign.ends_early
+        again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
+        ends_early = campaign.ends_early
         for mutant in result.drafts if result is not None else ():
             key = campaign.key(cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver,
                                seed=above.seed, **campaign.goal, **run_length(ends_early))  # fmt: skip

@@ -369,7 +369,11 @@ class Squares:
         )
 
     def hold_area(self, corners: Sequence[tuple[float, float]]) -> bool:
-        """Return whether a convex area lies wholly on the drivable area; its corners are at most 25 m apart, m."""
+        """Return whether a convex area lies wholly on the drivable area; on a large map, only if it does not extend
+        farther than 25 m beyond the tile of its first corner.
+
+        `corners`: x and y, m.
+        """
         return bool(shapely.contains_properly(self._area(*corners[0]), shapely.Polygon(corners)))
 
     def _holds(self, x: float, y: float) -> bool:

@@ -1,4 +1,4 @@
-"""Runs the children of a campaign that ended early once more, to their clips' ends, and compares both runs.
+"""Runs the passing children of a campaign once more, ended early and to their clips' ends, and compares both runs.
 
     python plugins/foresee-study/evaluation/ends_early.py --half even --ranker exhaustive --preset focused --points 40
 
@@ -25,6 +25,8 @@ from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.records import ClipOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.inputs import clip_of, mutant_of
+from foresee_dsl.derive.clipping.clip import DRIVES_S
+from foresee_dsl.drivers.registry import handover_of, load_driver
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import load_test_cases
@@ -75,6 +77,7 @@ def main() -> None:
     settings = CampaignSettings(
         driver=chosen.driver, ranker=chosen.ranker, preset=chosen.preset, risky_points=chosen.points,
         children=chosen.children, seed=chosen.seed, against=(),
+        handover_s=handover_of(load_driver(chosen.driver), 5.0 - DRIVES_S),
     )  # fmt: skip
     result, _ = result_of(settings, chosen.half, chosen.out, chosen.jobs)
     failing_s = sum(child.duration_s for clip in result.clips for child in clip.children if not child.passed)
