@@ -10,7 +10,7 @@ from typing import Literal, Self, get_args
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.kernels.conditions import time_to_touch
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Comparison, Condition, Expect, Measure, Named, Not, Quantity, Within
@@ -94,7 +94,7 @@ class PairGoal:
         if self.measure == "relative_speed":
             first, second = (ego_mps, mps) if self.of_ego else (mps, ego_mps)
             return first - second * np.cos(boxes[:, 2] - egos[:, 2])
-        gaps: FloatArray = pairwise_box_distance(egos, boxes)
+        gaps: FloatArray = box_distance(egos, boxes)
         if self.measure == "distance":
             return gaps
         if self.measure == "headway":

@@ -274,7 +274,7 @@ def overlaps(a: Box, b: Box) -> bool:
     return bool(overlaps_of(np.array([a], dtype=np.float64), np.array([b], dtype=np.float64))[0])
 
 
-def pairwise_box_distance(a: FloatArray | Box, b: FloatArray) -> FloatArray:
+def box_distance(a: FloatArray | Box, b: FloatArray | Box) -> FloatArray:
     """Return the distances between boxes ([..., 5] and [..., 5]), [...] m: 0 if they overlap, NaN if one is absent."""
     a, b = np.broadcast_arrays(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
     distances: FloatArray = gaps(_rows(a), _rows(b)).reshape(a.shape[:-1])

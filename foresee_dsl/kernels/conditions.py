@@ -1,17 +1,16 @@
 """The measures of scenario conditions: between two actors, and between an actor and the area of a junction.
 
-Actors are rows of the state table. These numbers decide conditions, so they equal the results of plain Python bit for
-bit, `math.hypot` included (`tests/simulate/test_condition_kernels.py`).
+Actors are rows of the state table.
 """
 
 from __future__ import annotations
 
-from math import cos, frexp, ldexp, sin
+from math import cos, sin
 
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Box, Mover, overlap, posed
+from foresee_dsl.kernels.boxes import Box, Mover, apart, posed
 from foresee_dsl.kernels.compiling import ANY_TABLE, FLOAT, FLOATS, INT, TABLE, compiled, inner
 from foresee_dsl.kernels.lines import nearest_on_segment
 
@@ -22,73 +21,13 @@ SURE_M = 1e-6
 """Distance to the border of an area below which `beside_area` returns `UNSURE`, m. Ours: a thousand times the rounding
 error of a point at 10 km."""
 INSIDE, UNSURE, OUTSIDE = -1, 0, 1
-_LEAST_M = 1e-290
-"""Length below which `hypotenuse` returns the longer side. Ours: only to avoid underflow."""
-_SPLIT = 134217729.0
-"""2^27 + 1: splits a number into two halves whose products are exact (Dekker 1971)."""
-
-
-@inner
-def _product(x: float, y: float) -> tuple[float, float]:
-    """Return a product and its rounding error (Dekker 1971)."""
-    high_x, high_y = x * _SPLIT, y * _SPLIT
-    high_x, high_y = high_x - (high_x - x), high_y - (high_y - y)
-    low_x, low_y = x - high_x, y - high_y
-    first, second = high_x * high_y, high_x * low_y + low_x * high_y
-    product = first + second
-    return product, first - product + second + low_x * low_y
-
-
-@inner
-def hypotenuse(x: float, y: float) -> float:
-    """Return the length of (x, y) exactly as Python's `math.hypot`, with the operations of CPython 3.11: the root of an
-    exact sum, corrected by the remaining error."""
-    x, y = abs(x), abs(y)
-    most = max(x, y)
-    if not _LEAST_M < most < np.inf:
-        return most
-    scale = ldexp(1.0, -frexp(most)[1])
-    total, lost, lost_sums = 1.0, 0.0, 0.0
-    for value in (x * scale, y * scale):
-        square, rest = _product(value, value)
-        after = total + square
-        lost_sums += (total - after) + square
-        total = after
-        lost += rest
-    root = np.sqrt(total - 1.0 + (lost + lost_sums))
-    square, rest = _product(-root, root)
-    after = total + square
-    lost_sums += (total - after) + square
-    lost += rest
-    root += (after - 1.0 + (lost + lost_sums)) / (2.0 * root)
-    return float(root / scale)
-
-
-@inner
-def _corners_to_box(of: Box, to: Box) -> float:
-    """Return the distance of the nearest corner of a box from another box, m."""
-    c, s = cos(of.heading), sin(of.heading)
-    ahead_x, ahead_y = c * of.length / 2, s * of.length / 2
-    left_x, left_y = -s * of.width / 2, c * of.width / 2
-    c, s = cos(to.heading), sin(to.heading)
-    half_length, half_width = to.length / 2, to.width / 2
-    nearest = np.inf
-    for k in range(4):
-        ahead, left = 1.0 if k in (0, 3) else -1.0, 1.0 if k < 2 else -1.0
-        dx = of.x + ahead * ahead_x + left * left_x - to.x
-        dy = of.y + ahead * ahead_y + left * left_y - to.y
-        along = max(abs(dx * c + dy * s) - half_length, 0.0)
-        nearest = min(nearest, hypotenuse(along, max(abs(dy * c - dx * s) - half_width, 0.0)))
-    return nearest
 
 
 @inner
 def _gap(a: Box, b: Box) -> float:
     if np.isnan(a.x + a.y + a.heading + b.x + b.y + b.heading + a.length + a.width + b.length + b.width):
         return np.nan
-    if overlap(a, b):
-        return 0.0
-    return float(min(_corners_to_box(a, b), _corners_to_box(b, a)))
+    return apart(a, b)
 
 
 @compiled(TABLE, ANY_TABLE, INT, INT)
@@ -237,12 +176,3 @@ def beside_area(states: FloatArray, sizes: FloatArray, actor: int, borders: Floa
     corners = _corners(box)
     side = _by_corners(corners, borders)
     return UNSURE if side == OUTSIDE and _touched(box, corners, borders) else side
-
-
-# --- plain Python -----------------------------------------------------------------------------------------------------
-
-
-def box_distance(a: Box, b: Box) -> float:
-    """Return the distance of two boxes, m: 0 if they overlap, NaN if a value is NaN."""
-    both = np.array((a, b), dtype=np.float64)
-    return float(gap(both, both[:, 3:], 0, 1))

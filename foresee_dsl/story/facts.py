@@ -16,7 +16,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Change
@@ -198,11 +198,11 @@ class Facts:
 
     def gaps_m(self, actor: int) -> FloatArray:
         """Return the distance between an actor's footprint and the ego's at every frame, [T] m; NaN if it is absent."""
-        return pairwise_box_distance(self.trace.boxes(0), self.trace.boxes(actor))
+        return box_distance(self.trace.boxes(0), self.trace.boxes(actor))
 
     def gap_m(self, actor: int, frame: int) -> float:
         """Return the distance between an actor's footprint and the ego's at a frame, m; NaN if the actor is absent."""
-        return float(pairwise_box_distance(self.trace.boxes(0)[frame], self.trace.boxes(actor)[frame]))
+        return float(box_distance(self.trace.boxes(0)[frame], self.trace.boxes(actor)[frame]))
 
     def relative_course(self, actor: int, frame: int) -> float:
         """Return an actor's course minus the ego's heading, rad, from -pi to pi (left positive)."""

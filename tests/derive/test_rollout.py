@@ -4,7 +4,7 @@ import pytest
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.operators import predicted_gap_m
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.language.model import Change
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight
 from tests.support.situations import MODELS, walker
@@ -24,7 +24,7 @@ def timing(factor):
 
 
 def test_no_change_gives_the_recorded_distance():
-    recorded = pairwise_box_distance(TRACE.boxes(0), TRACE.boxes(1)).min()
+    recorded = box_distance(TRACE.boxes(0), TRACE.boxes(1)).min()
     assert gap()[0] == pytest.approx(recorded)
     assert gap(timing("1.00"))[0] == pytest.approx(recorded)
 

@@ -20,7 +20,7 @@ from foresee_dsl.forecast.geometry import (
 )
 from foresee_dsl.kernels import boxes as box_kernels
 from foresee_dsl.kernels import lines as path_kernels
-from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance, corners
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight, until
 
 
@@ -130,7 +130,7 @@ def test_all_at_once_is_one_after_the_other() -> None:
     gaps = distances_to_ego(trace, [1, 2, 3], np.array([10.0, 50.0, 10.0]))
     for row, actor, within in zip(gaps, (1, 2, 3), (10.0, 50.0, 10.0), strict=True):
         assert np.array_equal(row, distances_to_ego(trace, [actor], np.array([within]))[0])
-        full = pairwise_box_distance(trace.boxes(0), trace.boxes(actor))
+        full = box_distance(trace.boxes(0), trace.boxes(actor))
         assert row[np.isfinite(row)] == pytest.approx(full[np.isfinite(row)], abs=1e-12)
         assert not (full[np.isinf(row)] <= within).any()
     assert np.isinf(gaps[2]).all() and np.isfinite(gaps[0]).any()
@@ -147,8 +147,8 @@ def test_gaps_between_boxes_are_those_of_shapely() -> None:
     exact = [one.distance(other) for one, other in zip(*outlines, strict=True)]
     assert np.isinf(found[0, :2]).all()
     assert found[0, 2:] == pytest.approx(exact, abs=1e-9)
-    assert np.isnan(pairwise_box_distance(*boxes)[:2]).all()
-    assert pairwise_box_distance(*boxes)[2:] == pytest.approx(exact, abs=1e-9)
+    assert np.isnan(box_distance(*boxes)[:2]).all()
+    assert box_distance(*boxes)[2:] == pytest.approx(exact, abs=1e-9)
     assert 0.1 < (found == 0).mean() < 0.9
 
 
@@ -162,7 +162,7 @@ def test_near_is_what_the_exact_distances_say() -> None:
         ways[0, 0, 0] = np.nan  # absent
         near = ever_near(trace, 1, ways, 10, 0.5)
         ego = np.concatenate([ways, np.broadcast_to((4.0, 1.8), (2, 3, 2))], axis=2)
-        assert near == bool((pairwise_box_distance(ego, np.broadcast_to(boxes, ego.shape)) <= 0.5).any())
+        assert near == bool((box_distance(ego, np.broadcast_to(boxes, ego.shape)) <= 0.5).any())
         found[near] += 1
     assert min(found.values()) > 50
     assert not ever_near(trace, 1, np.full((2, 3, 3), np.nan), 10, 1e9)

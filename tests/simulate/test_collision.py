@@ -12,14 +12,13 @@ from shapely.geometry import Polygon
 
 from foresee_dsl.kernels.boxes import (
     Box,
+    box_distance,
     box_overlap,
     corner_points,
     corners,
     hits,
     overlaps,
-    pairwise_box_distance,
 )
-from foresee_dsl.kernels.conditions import box_distance
 
 boxes = st.builds(Box, st.floats(-8, 8), st.floats(-8, 8), st.floats(-7, 7), st.floats(0.3, 12), st.floats(0.3, 3))
 
@@ -42,8 +41,8 @@ def test_distance_and_overlap_agree_with_shapely(a: Box, b: Box) -> None:
 def test_sets_agree_with_single_pairs(ego: Box, others: list[Box]) -> None:
     rows = np.array(others)
     single = [box_distance(ego, o) for o in others]
-    assert pairwise_box_distance(ego, rows) == pytest.approx(np.array(single), abs=1e-9)
-    assert pairwise_box_distance(np.array([ego] * len(others)), rows) == pytest.approx(np.array(single), abs=1e-9)
+    assert box_distance(ego, rows) == pytest.approx(np.array(single), abs=1e-9)
+    assert box_distance(np.array([ego] * len(others)), rows) == pytest.approx(np.array(single), abs=1e-9)
     found = [k for k, o in enumerate(others) if overlaps(ego, o)]
     assert hits(np.array(ego), rows[:, :3], rows[:, 3:]).tolist() == found
     assert np.flatnonzero(box_overlap(np.array(ego), rows)).tolist() == found
@@ -93,7 +92,7 @@ def test_the_absent_hit_nothing() -> None:
     poses = np.array([[nan, nan, nan], [1.0, 0.0, 0.0]])
     sizes = np.array([[4.0, 2.0], [4.0, 2.0]])
     assert hits(np.array((0.0, 0, 0, 4, 2)), poses, sizes).tolist() == [1]
-    distances = pairwise_box_distance(Box(0, 0, 0, 4, 2), np.hstack([poses, sizes]))
+    distances = box_distance(Box(0, 0, 0, 4, 2), np.hstack([poses, sizes]))
     assert math.isnan(distances[0])
     assert distances[1] == 0
     assert math.isnan(box_distance(Box(0, 0, 0, 4, 2), Box(nan, nan, nan, 4, 2)))

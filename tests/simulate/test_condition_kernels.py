@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 import shapely
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
-from foresee_dsl.kernels.boxes import Box, Mover, corner_points
-from foresee_dsl.kernels.conditions import INSIDE, OUTSIDE, UNSURE, beside_area, box_distance, gap_within, hypotenuse
+from foresee_dsl.kernels.boxes import Box, Mover, box_distance, corner_points
+from foresee_dsl.kernels.conditions import INSIDE, OUTSIDE, UNSURE, beside_area, gap, gap_within
 from foresee_dsl.simulate.results.metrics import Outline, outline_of
 from tests.support.compiled_metrics import ttc
-from tests.support.plain_conditions import plain_distance, plain_ttc
+from tests.support.plain_conditions import plain_ttc
 
 metres = st.floats(-40, 40)
 headings = st.sampled_from([0.0, math.pi / 2, math.pi, -math.pi / 2]) | st.floats(-7, 7)
@@ -22,24 +22,16 @@ speeds = st.just(0.0) | st.floats(0, 20)
 movers = st.builds(Mover, metres, metres, headings, speeds, st.floats(0.3, 12), st.floats(0.3, 3))
 
 
-@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
-@example(0.0, 0.0)
-@example(3.0, 4.0)
-@example(1e-9, 1e5)
-def test_the_root_is_python_s(x: float, y: float) -> None:
-    if max(abs(x), abs(y)) > 1e-290 or x == y == 0:
-        assert hypotenuse(x, y) == math.hypot(x, y)
-
-
 @given(boxes, boxes)
-def test_distances_have_the_bits_of_plain_python(a: Box, b: Box) -> None:
-    assert box_distance(a, b) == plain_distance(a, b)
+def test_a_condition_uses_the_same_distance_as_every_measure(a: Box, b: Box) -> None:
+    both = np.array((a, b))
+    assert gap(both, both[:, 3:], 0, 1) == box_distance(a, b)
 
 
 @given(boxes, boxes, st.floats(-1, 60))
 def test_who_is_told_to_be_farther_than_a_bound_is(a: Box, b: Box, bound: float) -> None:
     both = np.array((a, b))
-    told, away = gap_within(both, both[:, 3:], 0, 1, bound), plain_distance(a, b)
+    told, away = gap_within(both, both[:, 3:], 0, 1, bound), box_distance(a, b)
     assert told == away or (told == math.inf and away > bound)
 
 

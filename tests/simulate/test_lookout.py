@@ -11,7 +11,7 @@ import pytest
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, TimedValue
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
-from foresee_dsl.kernels.boxes import Mover, pairwise_box_distance
+from foresee_dsl.kernels.boxes import Mover, box_distance
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 from foresee_dsl.simulate.actors.target_selection import Target, TargetSelection
 from foresee_dsl.simulate.runner import run
@@ -93,7 +93,7 @@ def nearest(trace: Trace) -> float:
         info, rows = trace.actors[k], trace.states[:, k]
         size = np.tile([info.length_m, info.width_m], (trace.frames, 1))
         boxes.append(np.hstack([rows[:, [X, Y, HEADING]], size]))
-    return float(np.nanmin(pairwise_box_distance(*boxes)))
+    return float(np.nanmin(box_distance(*boxes)))
 
 
 def crosses(town: Town, model: ModelSpec, speed: float, left_m: float, at_m: float) -> PlacedActor:

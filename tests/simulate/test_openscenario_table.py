@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.kernels.boxes import Box
-from foresee_dsl.kernels.conditions import box_distance
+from foresee_dsl.kernels.boxes import Box, box_distance
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, Event, Trace, X, Y
@@ -55,7 +54,7 @@ class Run:
         """How far two footprints are from each other."""
         frame = self.trace.frame_at(at_s)
         boxes = [Box(*self.trace.boxes(self.trace.index(name))[frame]) for name in (one, other)]
-        return box_distance(*boxes)
+        return float(box_distance(*boxes))
 
     def along(self, one: str, other: str, at_s: float) -> float:
         """How far the rear of another is beyond the front of one; both drive east."""

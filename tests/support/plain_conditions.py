@@ -1,26 +1,10 @@
-"""The measures of conditions in plain Python: the kernels must give the same bits."""
+"""The time to collision in plain Python: the kernel must give the same bits."""
 
 from __future__ import annotations
 
-from math import cos, hypot, inf, sin
+from math import cos, inf, sin
 
-from foresee_dsl.kernels.boxes import Box, Mover, corner_points, overlaps
-
-
-def plain_distance(a: Box, b: Box) -> float:
-    """Return how far two boxes are apart, m."""
-    return 0.0 if overlaps(a, b) else min(_corners_to_box(a, b), _corners_to_box(b, a))
-
-
-def _corners_to_box(of: Box, to: Box) -> float:
-    c, s = cos(to.heading), sin(to.heading)
-    return min(
-        hypot(
-            max(abs((x - to.x) * c + (y - to.y) * s) - to.length / 2, 0.0),
-            max(abs((y - to.y) * c - (x - to.x) * s) - to.width / 2, 0.0),
-        )
-        for x, y in corner_points(of)
-    )
+from foresee_dsl.kernels.boxes import Mover
 
 
 def plain_ttc(a: Mover, b: Mover) -> float:

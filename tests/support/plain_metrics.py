@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance, box_overlap
 from foresee_dsl.simulate.trace import STEP_S
 
 
@@ -42,7 +42,7 @@ def minimum_distance(a: FloatArray, b: FloatArray) -> tuple[float, int]:
     Returns:
         (infinity, -1) when they are never there together.
     """
-    distance = pairwise_box_distance(a, b)
+    distance = box_distance(a, b)
     if not len(distance) or np.isnan(distance).all():
         return inf, -1
     frame = int(np.nanargmin(distance))

@@ -16,7 +16,7 @@ from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator,
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.language.model import Change
 from foresee_dsl.plugins import PluginGroup
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
@@ -74,7 +74,7 @@ def predicted_gap_m(
     if goal is not None and goal.actor == trace.actors[actor].id:
         gaps = goal.margins(ego[present], trace.states[present, 0, SPEED], boxes[present], _speeds(boxes)[present])
     else:
-        gaps = pairwise_box_distance(ego[present], boxes[present])
+        gaps = box_distance(ego[present], boxes[present])
     return float(gaps.min()), float(np.hypot(*(ego[present, :2] - boxes[present, :2]).T).min())
 
 

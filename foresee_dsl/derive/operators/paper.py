@@ -27,7 +27,7 @@ from foresee_dsl.derive.operators.situation import (
 from foresee_dsl.derive.presets import MutationPreset, SteerSettings
 from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.kernels.constants import GRAVITY_MPS2
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
@@ -111,8 +111,8 @@ def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
         return True
     now = boxes_at(trace, frame)[actor]
     then = _with_model(now[None], spec)[0]
-    gaps = pairwise_box_distance(then, others)
-    wanted = np.where(_in_line(then, others), np.minimum(LEAST_GAP_M, pairwise_box_distance(now, others)), 0.0)
+    gaps = box_distance(then, others)
+    wanted = np.where(_in_line(then, others), np.minimum(LEAST_GAP_M, box_distance(now, others)), 0.0)
     return bool(((gaps > 0) & (gaps >= wanted - 1e-9)).all())
 
 

@@ -18,7 +18,7 @@ from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.language.model import Actor, Change, Clip, Quantity
 from foresee_dsl.language.model.derived import PROPERTIES
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
@@ -225,4 +225,4 @@ def others_at(trace: Trace, actor: int, frame: int) -> FloatArray:
 def is_free(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
     """Return whether a footprint, [5], of an actor would touch no other actor at a frame."""
     others = others_at(trace, actor, frame)
-    return not len(others) or bool((pairwise_box_distance(box, others) > 0).all())
+    return not len(others) or bool((box_distance(box, others) > 0).all())

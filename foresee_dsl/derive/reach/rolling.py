@@ -22,7 +22,7 @@ from foresee_dsl.derive.operators.situation import ActorsRun, Numeric, Situation
 from foresee_dsl.derive.presets import MutationPreset
 from foresee_dsl.forecast.pair_goal import PairGoal
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.kernels.constants import STANDS_MPS
 from foresee_dsl.language.model import Clip, Quantity
 from foresee_dsl.language.model.derived import PROPERTIES
@@ -369,7 +369,7 @@ class Rolling:
         gaps = np.where(np.isnan(apart) | gone[:, None, :], np.inf, np.maximum(apart - circles, 0.0))
         p, n, t = np.nonzero(gaps < _CLOSE_M)
         egos = np.column_stack([ego[p, t], np.broadcast_to((info.length_m, info.width_m), (len(p), 2))])
-        gaps[p, n, t] = pairwise_box_distance(egos, np.column_stack([poses[p, n, t], sizes[p, n]]))
+        gaps[p, n, t] = box_distance(egos, np.column_stack([poses[p, n, t], sizes[p, n]]))
         return gaps
 
     def _margins(self, goal: PairGoal, poses: FloatArray, frames: FloatArray, sizes: FloatArray) -> FloatArray:

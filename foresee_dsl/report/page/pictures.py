@@ -16,7 +16,7 @@ import numpy as np
 from foresee_dsl.campaign.findings.sureness import HeatMap
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance, corners
 from foresee_dsl.report.drawing.ground import Layer, ground_of, rings_of, within
 from foresee_dsl.report.drawing.labels import width_of
 from foresee_dsl.report.drawing.shapes import Shape
@@ -56,7 +56,7 @@ class Thumbnail:
 def thumbnail(trace: Trace, bundle: SumoBundle, opponent: str) -> Thumbnail:
     """Return the thumbnail of a run; `opponent`: id of the opponent, "" for none."""
     other = next((k for k, info in enumerate(trace.actors) if k and info.id == opponent), None)
-    gap = np.full(trace.frames, np.nan) if other is None else pairwise_box_distance(trace.boxes(0), trace.boxes(other))
+    gap = np.full(trace.frames, np.nan) if other is None else box_distance(trace.boxes(0), trace.boxes(other))
     frame = key_frame(trace, gap)
     window = window_before(trace, bundle, opponent if other is not None else "", frame)
     return Thumbnail(round(window.side_m * _DM), tuple(_paths(trace, bundle, opponent, other, frame, window)))

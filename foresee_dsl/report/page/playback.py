@@ -17,7 +17,7 @@ from foresee_dsl.compile.bundle import Signal, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
-from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance, corners
 from foresee_dsl.report.drawing.ground import with_patches
 from foresee_dsl.report.drawing.shapes import CM, Shape, as_data, body_shapes, ground_shapes, line
 from foresee_dsl.report.show.panels import Role, role_of
@@ -224,7 +224,7 @@ def _gap(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
     other = next((k for k, info in enumerate(trace.actors) if info.id == opponent and k), None)
     if other is None:
         return []
-    away = pairwise_box_distance(trace.boxes(0)[frames], trace.boxes(other)[frames])
+    away = box_distance(trace.boxes(0)[frames], trace.boxes(other)[frames])
     return [-1 if np.isnan(value) else round(float(value) * CM) for value in away]
 
 

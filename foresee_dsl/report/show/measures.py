@@ -9,7 +9,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.arrays import BoolArray, FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
 from foresee_dsl.simulate.sensing.sight import sight_of
@@ -60,7 +60,7 @@ def measure(trace: Trace, bundle: SumoBundle, opponent: str) -> Measures:
         other_mps=states[:, k, SPEED],
         ego_mps2=ego[2],
         other_mps2=states[:, k, ACCELERATION],
-        gap_m=pairwise_box_distance(trace.boxes(0), trace.boxes(k)),
+        gap_m=box_distance(trace.boxes(0), trace.boxes(k)),
         ttc_s=np.nan_to_num(criticality(trace, k)[CriticalityMeasure.TTC], nan=np.inf),
         ego_sees=_sees(trace, bundle, 0, k),
         other_sees=_sees(trace, bundle, k, 0),

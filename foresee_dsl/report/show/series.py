@@ -14,7 +14,7 @@ import numpy as np
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.strip import opponent_of
 from foresee_dsl.simulate.results.criticality import CriticalityMeasure, criticality
@@ -41,7 +41,7 @@ def criticality_table(trace: Trace, actor: str) -> dict[str, FloatArray]:
         "time_s": trace.time_s,
         "ego_speed_mps": trace.states[:, 0, SPEED],
         "other_speed_mps": trace.states[:, column, SPEED],
-        "distance_m": pairwise_box_distance(trace.boxes(0), trace.boxes(column)),
+        "distance_m": box_distance(trace.boxes(0), trace.boxes(column)),
         **{measure.value: values for measure, values in criticality(trace, column).items()},
         "pet_s": times_between(trace, column),
     }

@@ -24,7 +24,7 @@ import shapely
 
 from foresee_dsl.documents import or_null, rounded
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.boxes import IntArray, box_distance, box_overlap
 from foresee_dsl.measuring import Part
 from foresee_dsl.simulate.results.criticality import CriticalityMeasure, of_contacts, of_place
 from foresee_dsl.simulate.results.footprints import HORIZON_S, Footprints, contacts_with, predicted
@@ -134,7 +134,7 @@ def _closest(run: Footprints) -> NearMiss | None:
     least = run.apart - run.radius[0] - run.radius[1:]
     most = np.maximum(run.apart - run.size[0].min() / 2 - run.size[1:].min(axis=1) / 2, 0.0)
     frames, others = np.nonzero(least <= np.nanmin(most))
-    distances = pairwise_box_distance(run.boxes(frames, 0), run.boxes(frames, others + 1))
+    distances = box_distance(run.boxes(frames, 0), run.boxes(frames, others + 1))
     k = int(distances.argmin())
     return _miss(run, distances[k], int(frames[k]), int(others[k]) + 1)
 

@@ -12,7 +12,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar, Generic, TypeVar, assert_never
 
-from foresee_dsl.kernels.conditions import UNSURE, beside_area, box_distance
+from foresee_dsl.kernels.boxes import box_distance
+from foresee_dsl.kernels.conditions import UNSURE, beside_area
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import mentioned, quantity_of, si_of, word_of
@@ -184,7 +185,7 @@ class _Collides(_Fact[m.Predicate]):
         if actor is None:
             return None
         others = self.run.simulation.others(actor)
-        return min(((box_distance(actor.box, other.box), other.id) for other in others), default=None)
+        return min(((float(box_distance(actor.box, other.box)), other.id) for other in others), default=None)
 
     def goal_margin(self) -> float | None:
         away = self.away()
@@ -286,7 +287,7 @@ class _Seen(_Fact[m.Sees | m.InSight]):
             return None
         why = "too far or missed" if self.run.sightlines.clear(eye.id, seen.id) else "hidden"
         first, second = (eye, seen) if self._sensed else (seen, eye)
-        return box_distance(first.box, second.box), why
+        return float(box_distance(first.box, second.box)), why
 
 
 class _Near(ConditionKind[m.Within]):

@@ -10,7 +10,7 @@ import numpy as np
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.kernels.boxes import box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.boxes import box_distance, box_overlap
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_recordings.mining.rows import EGO_KINDS
@@ -84,7 +84,7 @@ def unusable(traffic: Traffic, cut: Cut, network: RoadNetwork, offset: tuple[flo
         if not len(frames):
             continue
         mine, theirs = (traffic.boxes(traffic.rows(actor, frames)) for actor in (cut.ego, other))
-        apart = pairwise_box_distance(mine, theirs)
+        apart = box_distance(mine, theirs)
         k = int(apart.argmin())
         if apart[k] < TOLERANCE_M:
             how = "overlap" if apart[k] <= 0.0 else f"are {apart[k]:.2f} m apart"
