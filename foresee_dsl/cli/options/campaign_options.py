@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from functools import update_wrapper
 from pathlib import Path
 from types import MappingProxyType
@@ -76,10 +76,12 @@ _ORDER = ("driver", "ranker", "preset", "before", "after", "risky_points", "chil
 """
 _AFTER_JOBS = "seed"
 """The one setting that stands among the other options."""
+EMPTY = "it is empty: name one, or leave the option out"
+"""What is wrong with an option that must name something."""
 
 
-def options_of_settings(settings: type[CampaignSettings] = CampaignSettings) -> dict[str, inspect.Parameter]:
-    """Return the options of the settings as parameters by name, in the order of the help.
+def options_of_settings(settings: type = CampaignSettings) -> dict[str, inspect.Parameter]:
+    """Return the options of settings, a dataclass, as parameters by name, in the order of the fields.
 
     Raises:
         TypeError: a setting has no option.
@@ -93,12 +95,11 @@ def options_of_settings(settings: type[CampaignSettings] = CampaignSettings) -> 
                 continue
             raise TypeError(f"the setting {setting.name} has no option: add `metadata=option(help)`")
         by_driver = own.by_driver if own is not None else setting.name == "handover_s"
-        default = None if by_driver else setting.default
+        default = None if by_driver else _text_of(setting.default)
         name = option_name(setting.name)
-        kind = _option(own, kinds[setting.name]) if own is not None else SHARED[setting.name]
+        kind = _option(setting.name, own, kinds[setting.name], default) if own is not None else SHARED[setting.name]
         options[name] = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
-    ordered = sorted(options, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
-    return {name: options[name] for name in ordered}
+    return options
 
 
 def option_name(setting: str) -> str:
@@ -106,14 +107,37 @@ def option_name(setting: str) -> str:
     return setting.removesuffix("_s")
 
 
-def _option(option: SettingOption, kind: Any) -> Any:  # noqa: ANN401 - types
+def settings_of(settings: Any, values: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a dataclass
+    """Return settings, a dataclass, from the values of their options; a setting without a value has its default.
+
+    Raises:
+        BadParameter: a value is not one of the setting's words, or a list is empty.
+    """
+    chosen = {f.name: values[option_name(f.name)] for f in fields(settings) if option_name(f.name) in values}
+    kinds = get_type_hints(settings)
+    for name, value in chosen.items():
+        if isinstance(value, str) and kinds[name] is not str and get_origin(kinds[name]) is not Literal:
+            chosen[name] = common.names_in(value)
+            if not chosen[name]:
+                raise typer.BadParameter(EMPTY, param_hint=_typed(option_name(name)))
+    _refuse_other_words(settings, chosen)
+    return settings(**{name: value for name, value in chosen.items() if value is not None})
+
+
+def _text_of(default: object) -> Any:  # noqa: ANN401 - as typer takes it
+    """Return the default of an option: the names of a list are one text, that of an empty list is None."""
+    return ", ".join(default) or None if isinstance(default, tuple) else default
+
+
+def _option(name: str, option: SettingOption, kind: Any, default: object) -> Any:  # noqa: ANN401 - types
     """Return the annotation of a parameter by which typer makes an option. Lists and choices are texts at first."""
     kind = kind if kind in (int, float, str, bool) else str
+    names = [_typed(option_name(name))] if kind is bool else []  # one name: without it there would be a `--no-` too
     info = typer.Option(
-        min=option.low, max=option.high, help=option.help, metavar=option.metavar or None,
+        *names, min=option.low, max=option.high, help=option.help, metavar=option.metavar or None,
         show_default=option.shows_default,
     )  # fmt: skip
-    return Annotated[kind | None if option.by_driver else kind, info]
+    return Annotated[kind | None if default is None else kind, info]
 
 
 @dataclass(frozen=True)
@@ -204,8 +228,8 @@ def _hidden(option: inspect.Parameter) -> inspect.Parameter:
 
 
 def with_flags(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command in which typer options replace each parameter of the type `Flags` or `LimitFlags`: one for each
-    setting and each field.
+    """Return a command in which typer options replace each parameter whose type is a dataclass: `Flags`, `LimitFlags`,
+    or settings whose fields have options. There is one option for each field and each setting.
 
     Typer reads a function's signature, so the new command carries a signature of its own. If it has `--help-all`, its
     help shows only the usual options.
@@ -214,12 +238,13 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     groups = {
         name: (parameter.annotation, _options_in(parameter.annotation))
         for name, parameter in own.items()
-        if parameter.annotation in (Flags, LimitFlags)
+        if is_dataclass(parameter.annotation)
     }
 
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
         for name, (kind, options) in groups.items():
-            values[name] = kind.of({option.name: values.pop(option.name) for option in options})
+            own_values = {option.name: values.pop(option.name) for option in options}
+            values[name] = kind.of(own_values) if kind in (Flags, LimitFlags) else settings_of(kind, own_values)
         command(**values)
 
     update_wrapper(run, command)
@@ -232,15 +257,18 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _options_in(kind: type[Flags | LimitFlags]) -> list[inspect.Parameter]:
-    """Return the options of a record of options, in the order of the help."""
+def _options_in(kind: Any) -> list[inspect.Parameter]:  # noqa: ANN401 - a dataclass
+    """Return the options of a record of options or settings, in the order of the help."""
+    if kind not in (Flags, LimitFlags):
+        return list(options_of_settings(kind).values())
     kinds, keyword = get_type_hints(kind, include_extras=True), inspect.Parameter.KEYWORD_ONLY
     others = [inspect.Parameter(f.name, keyword, annotation=kinds[f.name], default=f.default)
               for f in fields(kind) if f.name != "settings"]  # fmt: skip
     if kind is LimitFlags:
         return others
     settings = options_of_settings()
-    first = [option for name, option in settings.items() if name != _AFTER_JOBS]
+    ordered = sorted(settings, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
+    first = [settings[name] for name in ordered if name != _AFTER_JOBS]
     return [*first, others[0], settings[_AFTER_JOBS], *others[1:]]
 
 
@@ -306,7 +334,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     else:
         for name in on_command_line & {"goal", "first_from"}:
             if not values[name]:  # with a campaign file, an empty name leaves out the file's
-                raise typer.BadParameter("it is empty: name one, or leave the option out", param_hint=_typed(name))
+                raise typer.BadParameter(EMPTY, param_hint=_typed(name))
     settings = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
     return Request(paths, settings, budget)
 
@@ -330,18 +358,18 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     load_preset(values["preset"])
     against = _references(values["against"], driver)
     chosen = {f.name: values[option_name(f.name)] for f in fields(CampaignSettings) if option_name(f.name) in values}
-    _refuse_other_words(chosen)
+    _refuse_other_words(CampaignSettings, chosen)
     if chosen["handover_s"] is None:
         chosen["handover_s"] = drivers_handover_s
     chosen["first_from"] = Path(chosen["first_from"]).as_posix() if chosen["first_from"] else ""
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
 
 
-def _refuse_other_words(values: Mapping[str, Any]) -> None:
+def _refuse_other_words(settings: type, values: Mapping[str, Any]) -> None:
     """Raise `BadParameter` for the value of a setting that is not one of its words."""
-    for name, kind in get_type_hints(CampaignSettings).items():
+    for name, kind in get_type_hints(settings).items():
         words = get_args(kind) if get_origin(kind) is Literal else ()
-        if words and values[name] not in words:
+        if words and name in values and values[name] not in words:
             message = f"{values[name]!r} is not one of: {', '.join(words)}"
             raise typer.BadParameter(message, param_hint=_typed(option_name(name)))
 

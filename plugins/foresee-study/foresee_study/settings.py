@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from foresee_dsl.campaign.settings import Allocation, CampaignSettings
+from foresee_dsl.campaign.settings import OPTION, Allocation, CampaignSettings, option
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
-from foresee_dsl.language.campaign_values import DEFAULT_CHILDREN, RulesMode
+from foresee_dsl.language.campaign_values import CHILDREN_BOUNDS, DEFAULT_CHILDREN, RulesMode
 from foresee_study.halves import Half
 from foresee_study.search.searches import SEARCHES
 
@@ -28,11 +28,14 @@ CHOSEN_S = 10.0
 """Length of clips in the paper's best configuration, s (section 4.5, RQ1)."""
 SECOND_ITERATION = 1000
 """Difference between the seeds of rq4's two iterations. Ours: large enough that no seed is used twice."""
+_APART = {OPTION: None}
+"""Metadata of a setting without an option of its own."""
 
 
 @dataclass(frozen=True)
 class StudySettings:
-    """Settings of a study.
+    """Settings of a study. Each is declared once, with its option of `foresee study`; those without one are set from
+    options that have other names or units.
 
     Attributes:
         drivers, rankers: the drivers and rankers under test.
@@ -54,25 +57,45 @@ class StudySettings:
         allocation: how the rankers' campaigns of the question `search` divide mutants among clips.
     """
 
-    drivers: tuple[str, ...] = DRIVERS
-    rankers: tuple[str, ...] = RANKERS
-    half: Half = Half.ODD
-    first: int | None = None
-    repetitions: int = REPETITIONS
-    exhaustive_repetitions: int = 1
-    exhaustive_drivers: int = 1
+    drivers: tuple[str, ...] = field(default=DRIVERS, metadata=option("Drivers, separated by commas.", metavar="NAMES"))
+    rankers: tuple[str, ...] = field(default=RANKERS, metadata=option("Rankers, separated by commas.", metavar="NAMES"))
+    half: Half = field(default=Half.ODD, metadata=_APART)
+    first: int | None = field(default=None, metadata=_APART)
+    repetitions: int = field(
+        default=REPETITIONS, metadata=option("Number of repetitions, each with its own seed.", (1, 100))
+    )
+    exhaustive_repetitions: int = field(default=1, metadata=_APART)
+    exhaustive_drivers: int = field(default=1, metadata=_APART)
     seed: int = 0
     preset: str = "paper"
-    children: int = DEFAULT_CHILDREN
-    against: tuple[str, ...] | None = None
-    fuzz_repetitions: int = 1
-    fuzz_cycles: int = 1
-    fuzz_mutations: int = 1
-    towns: tuple[str, ...] = ()
-    readings: tuple[str, ...] = ()
-    searches: tuple[str, ...] = tuple(SEARCHES)
-    budget_s: float = POINTS * (1 + DEFAULT_CHILDREN) * CHOSEN_S
-    allocation: Allocation = "even"
+    children: int = field(
+        default=DEFAULT_CHILDREN, metadata=option("Number of mutants per clip.", (1, CHILDREN_BOUNDS[1]))
+    )
+    against: tuple[str, ...] | None = field(
+        default=None,
+        metadata=option(
+            "Reference drivers, separated by commas, or `none` for no driver; by default those of `campaign`.",
+            metavar="DRIVERS",
+        ),
+    )
+    fuzz_repetitions: int = field(default=1, metadata=_APART)
+    fuzz_cycles: int = field(default=1, metadata=_APART)
+    fuzz_mutations: int = field(default=1, metadata=_APART)
+    towns: tuple[str, ...] = field(default=(), metadata=_APART)
+    readings: tuple[str, ...] = field(
+        default=(),
+        metadata=option(
+            "For rq2: further presets, other readings of the paper, such as paper_late,paper_brief.", metavar="PRESETS"
+        ),
+    )
+    searches: tuple[str, ...] = field(
+        default=tuple(SEARCHES), metadata=option("For search: the searches, separated by commas.", metavar="NAMES")
+    )
+    budget_s: float = field(default=POINTS * (1 + DEFAULT_CHILDREN) * CHOSEN_S, metadata=_APART)
+    allocation: Allocation = field(
+        default="even",
+        metadata=option("For search: how rankers divide mutants among clips, even or adaptive.", metavar="NAME"),
+    )
 
     @property
     def searched(self) -> tuple[str, ...]:

@@ -19,10 +19,11 @@ from foresee_dsl.cli.options.campaign_options import (
     shard_of,
     with_flags,
 )
-from foresee_dsl.cli.options.common import FAILED, FirstOption, OnlyOption, SeedOption, console, selected
+from foresee_dsl.cli.options.common import FAILED, FirstOption, OnlyOption, console, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, report_results
 from foresee_dsl.cli.options.stop_signal import StopSignal
 from foresee_dsl.report.formats import PEOPLE, CommandReport
+from foresee_study.fuzz.settings import FuzzSettings
 
 Cases = Annotated[
     list[str],
@@ -37,18 +38,7 @@ def fuzz(
     paths: Cases,
     *,
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")] = Path("fuzz"),
-    cycles: Annotated[int, typer.Option(min=1, max=1000, help="Maximum number of cycles per test case.")] = 10,
-    mutations: Annotated[int, typer.Option(min=1, max=1000, help="Number of mutations per cycle.")] = 8,
-    together: Annotated[
-        bool,
-        typer.Option(
-            "--together",
-            help="Each mutation changes both actors and weather, and one in four also the ground; without this option "
-            "it changes one of the three.",
-        ),
-    ] = False,
-    driver: common.DriverOption = "pdm",
-    seed: SeedOption = 0,
+    settings: FuzzSettings,
     jobs: Jobs = CPUS,
     store: StoreOption = None,
     first: FirstOption = None,
@@ -80,11 +70,10 @@ def fuzz(
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_study.fuzz.engine import fuzz as run_fuzz
     from foresee_study.fuzz.folder import as_text, case_results
-    from foresee_study.fuzz.settings import FuzzSettings
     from foresee_study.fuzz.terminal import FuzzProgress, print_fuzz
     from foresee_study.fuzz.texts import original_of
 
-    find_driver(driver)  # an unknown name must be reported before anything runs
+    find_driver(settings.driver)  # an unknown name must be reported before anything runs
     stop = StopSignal()
     options = RunOptions(
         jobs=jobs,
@@ -98,7 +87,6 @@ def fuzz(
         original_of(case)  # a test case that cannot be extended must be reported before there is a store
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
-    settings = FuzzSettings(driver, cycles, mutations, seed, together)
     with ExitStack() as stack:
         stack.enter_context(only_writer(out))
         kept = stack.enter_context(Store(store or out / "store"))
@@ -109,7 +97,7 @@ def fuzz(
     report_results(
         format_,
         CommandReport(
-            "fuzz", lambda: as_text(result), lambda: case_results(result, out), properties=[("driver", driver)]
+            "fuzz", lambda: as_text(result), lambda: case_results(result, out), properties=[("driver", settings.driver)]
         ),
         people=lambda screen: print_fuzz(screen, result, out),
         junit=junit,

@@ -6,13 +6,12 @@ import sys
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast, get_args
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.cli.completion import case_addresses
-from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import (
     ExecutorOption,
     Jobs,
@@ -35,21 +34,19 @@ from foresee_dsl.cli.options.common import (
     selected,
 )
 from foresee_dsl.cli.options.output import RecordFormatOption, report_results
-from foresee_dsl.language.campaign_values import CHILDREN_BOUNDS, DEFAULT_CHILDREN
 from foresee_dsl.report.formats import CommandReport
+from foresee_study.settings import StudySettings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rich.console import Console
 
-    from foresee_dsl.campaign.settings import Allocation
     from foresee_dsl.campaign.workers.pool import RunOptions
     from foresee_dsl.language.document import TestCase
     from foresee_study.folder import Cost, StudyFolder
     from foresee_study.halves import Half
     from foresee_study.running import Cases, StudyRun
-    from foresee_study.settings import StudySettings
     from foresee_study.tables.table import Table
 
 ALL = "all"
@@ -75,17 +72,7 @@ def study(
     *,
     out: Annotated[Path, typer.Option("--out", help="The study's folder.")] = Path("out/study"),
     store: StoreOption = None,
-    drivers: Annotated[
-        str | None,
-        typer.Option(metavar="NAMES", help="Drivers, separated by commas; by default fusion_safe,fusion,pdm,frenetix."),
-    ] = None,
-    rankers: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Rankers, separated by commas; by default foresee,random,selforacle,proximity,careful.",
-        ),
-    ] = None,
+    settings: StudySettings,
     half: Annotated[
         str | None,
         typer.Option(
@@ -99,41 +86,16 @@ def study(
         int | None, typer.Option("--cases", min=1, help="Maximum number of test cases, spread over all families.")
     ] = None,
     only: OnlyOption = None,
-    repetitions: Annotated[
-        int, typer.Option(min=1, max=100, help="Number of repetitions, each with its own seed.")
-    ] = 3,
     exhaustive: Annotated[
         str,
         typer.Option(
             metavar="D,R", help="Exhaustive search: R repetitions with each of the first D drivers; 0,0: none."
         ),
     ] = "1,1",
-    preset: common.PresetOption = "paper",
-    readings: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PRESETS",
-            help="For rq2: further presets, other readings of the paper, such as paper_late,paper_brief.",
-        ),
-    ] = None,
-    children: Annotated[
-        int, typer.Option(min=1, max=CHILDREN_BOUNDS[1], help="Number of mutants per clip.")
-    ] = DEFAULT_CHILDREN,
-    against: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DRIVERS",
-            help="Reference drivers, separated by commas, or `none` for no driver; by default those of `campaign`.",
-        ),
-    ] = None,
     fuzzing: Annotated[
         str,
         typer.Option(metavar="R,C,M", help="For rq4, DriveFuzz: R repetitions, C cycles, M mutations per cycle."),
     ] = "1,1,1",
-    searches: Annotated[
-        str | None,
-        typer.Option(metavar="NAMES", help="For search: the searches, separated by commas; by default all."),
-    ] = None,
     budget_hours: Annotated[
         float | None,
         typer.Option(
@@ -149,14 +111,10 @@ def study(
             "may be given several times; of equal campaigns the first one counts.",
         ),
     ] = None,
-    allocation: Annotated[
-        str, typer.Option(metavar="NAME", help="For search: how rankers divide mutants among clips, even or adaptive.")
-    ] = "even",
     towns: Annotated[
         list[Path] | None,
         typer.Option("--town", help="For rq5: a folder of test cases of another town; may be given several times."),
     ] = None,
-    seed: common.SeedOption = 0,
     jobs: Jobs = CPUS,
     shard: ShardOption = "",
     executor: ExecutorOption = "local",
@@ -179,7 +137,7 @@ def study(
     from foresee_dsl.campaign.campaign_file import NOBODY
     from foresee_study.folder import StudyFolder
     from foresee_study.questions import PAPERS, QUESTIONS
-    from foresee_study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
+    from foresee_study.settings import BUNDLED
 
     chosen = half_named(half)
     for other in beside or ():
@@ -195,25 +153,18 @@ def study(
         raise typer.BadParameter(f"{question!r} is not one of: {choices}", param_hint="QUESTION")
     exhaustive_drivers, exhaustive_repetitions = numbers_in(exhaustive, 2, "--exhaustive")
     fuzz_repetitions, cycles, mutations = numbers_in(fuzzing, 3, "--fuzzing")
-    settings = StudySettings(
-        drivers=names_in(drivers or "") or DRIVERS,
-        rankers=names_in(rankers or "") or RANKERS,
-        half=chosen or StudySettings.half,
+    check_names(settings)
+    settings = replace(
+        settings,
+        half=chosen or settings.half,
         first=cases,
-        repetitions=repetitions,
         exhaustive_repetitions=exhaustive_repetitions,
         exhaustive_drivers=exhaustive_drivers,
-        seed=seed,
-        preset=preset,
-        readings=presets_in(readings),
-        children=children,
-        against=None if against is None else tuple(name for name in names_in(against) if name != NOBODY),
+        against=None if settings.against is None else tuple(name for name in settings.against if name != NOBODY),
         fuzz_repetitions=fuzz_repetitions,
         fuzz_cycles=cycles,
         fuzz_mutations=mutations,
         towns=tuple(town.name for town in towns or ()),
-        searches=searches_in(searches) or StudySettings.searches,
-        allocation=allocation_named(allocation),
     )
     groups = {BUNDLED: cases_of(paths, settings, only, allow_outside=allow_outside)}
     if budget_hours is not None:
@@ -373,28 +324,18 @@ def _print_took(screen: Console, folder: StudyFolder, costs: dict[str, Cost]) ->
 # -----------------------------------------------------------------------------------------
 
 
-def presets_in(text: str | None) -> tuple[str, ...]:
-    """Return the presets with the names in a text that separates them by commas."""
+def check_names(settings: StudySettings) -> None:
+    """Raise `BadParameter` for a preset or a search that there is not."""
     from foresee_dsl.derive.presets import UnknownPresetError, preset
-
-    try:
-        return tuple(preset(name).name for name in names_in(text or ""))
-    except UnknownPresetError as err:
-        raise typer.BadParameter(str(err), param_hint="--readings") from err
-
-
-def searches_in(text: str | None) -> tuple[str, ...]:
-    """Return the searches with the names in a text that separates them by commas."""
     from foresee_study.search.searches import SEARCHES
 
-    return tuple(one_of(SEARCHES, name, "--searches") for name in names_in(text or ""))
-
-
-def allocation_named(text: str) -> Allocation:
-    """Return the allocation of mutants with this name."""
-    from foresee_dsl.campaign.settings import Allocation
-
-    return cast("Allocation", one_of(get_args(Allocation), text, "--allocation"))
+    for name in settings.searches:
+        one_of(SEARCHES, name, "--searches")
+    try:
+        for name in settings.readings:
+            preset(name)
+    except UnknownPresetError as err:
+        raise typer.BadParameter(str(err), param_hint="--readings") from err
 
 
 def half_named(text: str | None) -> Half | None:

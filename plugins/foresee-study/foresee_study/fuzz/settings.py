@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
+
+from foresee_dsl.campaign.settings import option
 
 NEAREST_M, FARTHEST_M = 5.0, 40.0
 """Least and greatest distance between the ego's start and an added actor, m: DriveFuzz's values (its
@@ -54,13 +56,15 @@ Ours: of 489 first draws in bundled scenarios one was impossible."""
 FRICTION = (0.05, 0.4)
 """Range of the friction of a patch: from wet ice to wet leaves (Wong, Theory of Ground Vehicles, table 1.3, has 0.1 for
 ice and 0.2 for packed snow). DriveFuzz multiplies the friction by 0 to 2; only factors below 1 make ground slippery."""
+AT_MOST = (1, 1000)
+"""Bounds of the numbers of cycles and of mutations. Ours: a typing error must not begin years of work."""
 RADIUS_M = (1.0, 5.0)
 """Range of the radius of a patch, m: DriveFuzz's puddles reach 5 m (`PUDDLE_MAX_SIZE` of 500 cm)."""
 
 
 @dataclass(frozen=True)
 class FuzzSettings:
-    """Settings of a fuzzing run; the defaults are DriveFuzz's.
+    """Settings of a fuzzing run, each with its option of `foresee fuzz`; the defaults are DriveFuzz's.
 
     Attributes:
         cycles: maximum number of cycles per test case. Each cycle mutates the mutant that had the lowest score in the
@@ -72,7 +76,13 @@ class FuzzSettings:
     """
 
     driver: str = "pdm"
-    cycles: int = 10
-    mutations: int = 8
+    cycles: int = field(default=10, metadata=option("Maximum number of cycles per test case.", AT_MOST))
+    mutations: int = field(default=8, metadata=option("Number of mutations per cycle.", AT_MOST))
     seed: int = 0
-    together: bool = False
+    together: bool = field(
+        default=False,
+        metadata=option(
+            "Each mutation changes both actors and weather, and one in four also the ground; without this option it "
+            "changes one of the three.",
+        ),
+    )
