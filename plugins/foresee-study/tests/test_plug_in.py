@@ -7,10 +7,14 @@ import re
 from pathlib import Path
 
 import pytest
+import typer
 from foresee_study.fuzz import engine
+from foresee_study.fuzz.settings import FuzzSettings
+from foresee_study.settings import StudySettings
 
 from foresee_dsl.campaign.import_closure import import_closure
 from foresee_dsl.cli.added import ADDED
+from foresee_dsl.cli.options.campaign_options import options_of_settings, settings_of
 from foresee_dsl.cli.store import TITLES
 from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.plugins import BESIDE, package_of
@@ -56,3 +60,18 @@ def test_the_key_of_a_mutated_test_case_has_the_code_that_mutates_it() -> None:
 
 def test_a_store_calls_its_results_as_before() -> None:
     assert TITLES == {engine.KIND: "mutated whole (foresee fuzz)"}
+
+
+@pytest.mark.parametrize("settings", [StudySettings, FuzzSettings])
+def test_the_defaults_of_the_options_are_those_of_the_settings(settings: type) -> None:
+    options = options_of_settings(settings)
+    assert settings_of(settings, {name: option.default for name, option in options.items()}) == settings()
+    assert {"seed", "cycles" if settings is FuzzSettings else "rankers"} < set(options)
+
+
+def test_what_an_option_names_is_read() -> None:
+    chosen = settings_of(StudySettings, {"drivers": 'pdm, "external:python a.py, b"', "allocation": "adaptive"})
+    assert chosen.drivers == ("pdm", "external:python a.py, b") and chosen.allocation == "adaptive"
+    for name, text in {"rankers": " , ", "allocation": "odd"}.items():
+        with pytest.raises(typer.BadParameter):
+            settings_of(StudySettings, {name: text})

@@ -64,7 +64,7 @@ RADIUS_M = (1.0, 5.0)
 
 @dataclass(frozen=True)
 class FuzzSettings:
-    """Settings of a fuzzing run, each with its option of `foresee fuzz`; the defaults are DriveFuzz's.
+    """Settings of a fuzzing run; the defaults are DriveFuzz's.
 
     Attributes:
         cycles: maximum number of cycles per test case. Each cycle mutates the mutant that had the lowest score in the
