@@ -45,6 +45,7 @@ def check_values(collector: Collector, model: m.Definition) -> None:
     types = {name: parameter.type for name, parameter in parameters.items()}
     required = {id(part) for item in body if isinstance(item, m.Require) for part in walk(item)}
     only_values = _ONLY_VALUES.get(type(model), "")
+    began_before = isinstance(model, m.Clip)
     for item in walk(model):
         compares = isinstance(item, m.Comparison | m.Equals) and id(item) not in required
         if compares and isinstance(item, m.Comparison | m.Equals) and not isinstance(item.left, m.Measure):
@@ -60,6 +61,8 @@ def check_values(collector: Collector, model: m.Definition) -> None:
             if isinstance(value, m.Ref):
                 _check_reference(collector, parameters, item, field, value)
             elif isinstance(value, m.Quantity):
+                if began_before and isinstance(item, m.Line) and field == "start":
+                    continue  # an actor on a track has been moving to its line since before the clip
                 _check_limits(collector, item, field, value)
             elif not isinstance(value, m.Expression) or isinstance(item, m.EXPRESSIONS):
                 continue
@@ -135,7 +138,7 @@ def _check_limits(collector: Collector, item: m.Item, field: str, value: m.Quant
         return
     size = "small" if value.si < bounds.low else "large"
     message = f"`{written(value)}` is too {size} for `{word_before(type(item), field)}`"
-    collector.add(item, field, out_of_bounds(item), message, limit(bounds, value))
+    collector.add(item, field, out_of_bounds(item, field), message, limit(bounds, value))
 
 
 def _check_reference(
