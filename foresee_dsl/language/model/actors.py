@@ -237,8 +237,8 @@ class Line(Item):
 
     On a path it moves over in a straight line, along the first 5 m of the path from its start (or the rest of a shorter
     path). On a lane it moves over as in a lane change. Its speed along its route does not change. On a lane, `line 0.60
-    m from 2.00 s for 3.00 s` limits the time; afterwards the actor returns to the middle. The time is negative only in a
-    clip of an actor on a recorded track, which began to move over before the clip.
+    m from 2.00 s for 3.00 s` limits the time; afterwards the actor returns to the middle. Only in a clip may the time
+    be negative: an actor on a recorded track may have begun to move over before the clip.
     """
 
     pattern = "line {left} [from {start}] [for {duration}]"

@@ -134,7 +134,8 @@ def _of_actor(
     has = value_of(actor, change.property)
     if has is None:
         message = f"{actor.name} has no {change.property} that can change"
-        help = f"replace its whole statement: `change {actor.kind} {actor.name}: ...`" if models is None else ""
+        head = "ego" if isinstance(actor, m.Ego) else f"{actor.kind} {actor.name}"
+        help = f"replace its whole statement: `change {head}: ...`" if models is None else ""
         raise _RefusedError("property", "FS124", message, help)
     _check_was(change, has, place)
     if isinstance(now, m.Quantity) and change.property != "model" and not rule.accepts(now.si):

@@ -165,7 +165,9 @@ class _Joiner:
             other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, names) if line.name else ""
-            if other is not None:
+            if line.name == "ego":
+                help = "every scenario has an ego: replace it with " + write("change ego: car.sedan { ... }")
+            elif other is not None:
                 help = f"it is a {other.kind}: write " + write(f"drop {other.kind} {other.name}")
             self._collector.add(line, "name" if line.name else "", "FS126", message, help)
         else:
