@@ -102,6 +102,23 @@ def mistakes(folder: Path, *lines: str) -> list[Diagnostic]:
     return list(caught.value.diagnostics)
 
 
+@pytest.mark.parametrize(
+    ("was", "line", "now"),
+    [
+        ("steers 0.1 from 1 s for 2 s", "steer: 0.1 => 0.2", "steers 0.2 from 1 s for 2 s"),
+        ("line 0.5 m for 2 s", "line: 0.5 m => 1 m", "line 1 m for 2 s"),
+        ("brakes 3 m/s^2 from 1 s", "brakes: 3 m/s^2 => 4 m/s^2 from 2 s for 1 s", "brakes 4 m/s^2 from 2 s for 1 s"),
+        ("brakes 3 m/s^2 from 1 s for 2 s", "brakes: 3 m/s^2 => 4 m/s^2 for 1 s", "brakes 4 m/s^2 for 1 s"),
+        ("timing 0.9", "steer: 0 => 0.2", "timing 0.9; steers 0.2"),
+    ],
+)
+def test_a_changed_value_keeps_its_times(tmp_path: Path, was: str, line: str, now: str) -> None:
+    of_lead = "start at gap along main\n"
+    write(tmp_path, wet=extension(f"change lead.{line}"), base=BASE.replace(of_lead, f"{of_lead}    {was}\n"))
+    write(tmp_path / "whole", base=BASE.replace(of_lead, f"{of_lead}    {now}\n"))
+    assert meanings(tmp_path / "wet.foresee") == meanings(tmp_path / "whole" / "base.foresee")
+
+
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.sampled_from([k for k in LINES if LINES[k][1]]), unique=True))
 def test_it_means_what_it_means_written_out(tmp_path: Path, names: list[str]) -> None:
