@@ -62,6 +62,13 @@ def measured(number: str) -> Message:
     return Message(number, "")
 
 
+def with_article(noun: str) -> str:
+    """Return a noun of the language with `a` or `an`; one that takes no article, such as `models`, without."""
+    if noun in ("models", "weather") or noun.startswith("cases "):
+        return noun
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
 def subject(name: str) -> Message:
     """Return a name that a message is about, such as an unknown one: code finds it in `Diagnostic.names`."""
     return Message(name, name, (name,))

@@ -215,8 +215,9 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
     """Convert the compiler's problems to an error with places in the text.
 
     A problem of an actor is placed at the actor's statement of the kind at fault; if there is none, at the actor; in a
-    mutant, at the `change` line of the actor. A problem of the scenario is placed at the scenario's statement of the
-    kind at fault. If the statement is in another file (the clip of a mutant), the message says so.
+    mutant, at the `change` line of the actor, also if the problem is about an action on the actor. A problem of the
+    scenario is placed at the scenario's statement of the kind at fault. If the statement is in another file (the clip
+    of a mutant), the message says so.
     """
     return InputError(tuple(sorted(_diagnostics(case, problems), key=lambda d: d.start)))
 
@@ -242,8 +243,9 @@ def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -
 def _place(document: Document, problem: Problem) -> tuple[m.Item | None, str]:
     body: tuple[m.Item, ...] = document.model.body
     if isinstance(document.model, m.Mutant):
-        changes = [item for item in body if isinstance(item, m.Change) and item.actor == problem.actor]
-        exact = (item for item in changes if item.property == problem.item)
+        actor, of = (problem.actor, problem.item) if problem.actor else (problem.about, "model")
+        changes = [item for item in body if isinstance(item, m.Change) and item.actor == actor]
+        exact = (item for item in changes if item.property == of)
         return next(exact, changes[0] if changes else None), ""
     if not problem.actor:
         return next((item for item in body if getattr(item, "kind", "") == problem.item), None), ""

@@ -10,7 +10,7 @@ from pathlib import Path
 from foresee_dsl.editor.files import Definition, Files
 from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.editor.syntax import read_syntax
-from foresee_dsl.errors import ForeseeError, InputError, Span
+from foresee_dsl.errors import ForeseeError, InputError, Span, with_article
 from foresee_dsl.files import absolute
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
@@ -142,7 +142,7 @@ def _renamable(files: Files, path: Path, use: Occurrence) -> Definition:
     if target is None:
         raise RenameError(f"no file here defines '{use.name}'")
     if target.occurrence.kind not in _RENAMED:
-        raise RenameError(f"a {target.occurrence.kind} cannot be renamed here")
+        raise RenameError(f"{with_article(target.occurrence.kind)} cannot be renamed here")
     if target.occurrence.owner.kind is m.Ego:
         raise RenameError("the ego is always called `ego`")
     return target
@@ -158,12 +158,12 @@ def _check_free(files: Files, file: Path, name: str, renamed: Occurrence) -> Non
     if renamed.kind in ("stage", "case"):  # their names must differ only within a junction or a scenario
         alike = (o for f in files.scope(file) for o in files.names(f) if o.defines and o.kind == renamed.kind)
         if any(o.name == name and o.scope == renamed.scope for o in alike):
-            raise RenameError(f"'{name}' is already the name of a {renamed.kind}")
+            raise RenameError(f"'{name}' is already the name of {with_article(renamed.kind)}")
         return
     taken = files.definitions(file, "actor", "junction", "road", "parameter", "label").get(name)
     if taken is not None:
         what = taken.occurrence.kind
-        raise RenameError(f"'{name}' is already the name of a {what}, in '{display_path(taken.path)}'")
+        raise RenameError(f"'{name}' is already the name of {with_article(what)}, in '{display_path(taken.path)}'")
 
 
 def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:

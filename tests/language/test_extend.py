@@ -102,6 +102,23 @@ def mistakes(folder: Path, *lines: str) -> list[Diagnostic]:
     return list(caught.value.diagnostics)
 
 
+@pytest.mark.parametrize(
+    ("was", "line", "now"),
+    [
+        ("steers 0.1 from 1 s for 2 s", "steer: 0.1 => 0.2", "steers 0.2 from 1 s for 2 s"),
+        ("line 0.5 m for 2 s", "line: 0.5 m => 1 m", "line 1 m for 2 s"),
+        ("brakes 3 m/s^2 from 1 s", "brakes: 3 m/s^2 => 4 m/s^2 from 2 s for 1 s", "brakes 4 m/s^2 from 2 s for 1 s"),
+        ("brakes 3 m/s^2 from 1 s for 2 s", "brakes: 3 m/s^2 => 4 m/s^2 for 1 s", "brakes 4 m/s^2 for 1 s"),
+        ("timing 0.9", "steer: 0 => 0.2", "timing 0.9; steers 0.2"),
+    ],
+)
+def test_a_changed_value_keeps_its_times(tmp_path: Path, was: str, line: str, now: str) -> None:
+    of_lead = "start at gap along main\n"
+    write(tmp_path, wet=extension(f"change lead.{line}"), base=BASE.replace(of_lead, f"{of_lead}    {was}\n"))
+    write(tmp_path / "whole", base=BASE.replace(of_lead, f"{of_lead}    {now}\n"))
+    assert meanings(tmp_path / "wet.foresee") == meanings(tmp_path / "whole" / "base.foresee")
+
+
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.sampled_from([k for k in LINES if LINES[k][1]]), unique=True))
 def test_it_means_what_it_means_written_out(tmp_path: Path, names: list[str]) -> None:
@@ -168,6 +185,9 @@ def test_drawn_cases_are_drawn_with_the_whole(tmp_path: Path) -> None:
     [
         (["add vehicle lead: car.suv { route [main] }"], "'base.foresee' already has an actor called 'lead'", 15),
         (["add end after 9 s"], "'base.foresee' already has an end", 7),
+        (["add weather fog 0.2"], "'base.foresee' already has weather", 7),
+        (["change cases 4 from seed 3"], "'base.foresee' has no cases from seed 3", 10),
+        (["drop vehicle ego"], "'base.foresee' has no vehicle called 'ego'", 16),
         (["change vehicle leed: car.suv { route [main] }"], "'base.foresee' has no actor called 'leed'", 18),
         (
             ["change when time > 1 s { lead stops }"],
@@ -195,6 +215,18 @@ def test_mistakes_are_where_they_were_made(tmp_path: Path, monkeypatch: pytest.M
     (found,) = mistakes(Path(), *lines)
     assert (found.message, found.path) == (message, "wet.foresee")
     assert found.span is not None and (found.span.line, found.span.column) == (4, column)
+
+
+def test_the_help_of_lines_that_cannot_be_followed(tmp_path: Path) -> None:
+    obstacle = "add obstacle crate: obstacle.crate { start at 90 m along main }"
+    (mistake,) = mistakes(tmp_path, obstacle, "drop vehicle crate")
+    assert mistake.help == "it is an obstacle: write `drop obstacle crate`"
+    (mistake,) = mistakes(tmp_path, "add cases 2 from seed 3", "add cases 4 from seed 3")
+    assert mistake.message.endswith("base.foresee' already has cases from seed 3")
+    (mistake,) = mistakes(tmp_path, "drop vehicle ego")
+    assert mistake.help == "every scenario has an ego: replace it with `change ego: car.sedan { ... }`"
+    (mistake,) = mistakes(tmp_path, "change ego.speed: 9 m/s => 8 m/s")
+    assert mistake.help == "replace its whole statement: `change ego: ...`"
 
 
 def test_what_breaks_in_the_other_is_shown_at_extends_with_its_line(

@@ -141,6 +141,10 @@ def test_an_actor_that_follows_a_path_may_come_to_other_junctions(codes):
     [
         ("route [west, main]", "box.eta(side_end) < 4 s", True),
         ("route [west, main]", "box.eta(side_end) > 4 s", False),  # it is infinite
+        ("route [west, main]", "not box.eta(side_end) < 4 s", False),
+        ("route [west, main]", "not not box.eta(side_end) < 4 s", True),
+        ("route [west, main]", "not (box.speed > 1 m/s and box.eta(side_end) > 4 s)", True),
+        ("route [west, main]", "not distance(box, side_end) < 4 m", True),
         ("route [west, main]", "distance(box, side_end) > 4 m", True),
         ("route [west, main]", "box.eta(j4) < 4 s", False),
         ("route [west, main]", "box.eta(j5) < 4 s", True),  # the route ends there

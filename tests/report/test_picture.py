@@ -334,7 +334,6 @@ network n {
   zebra z on r at 60 m
   stop market on r at 120 m
   stop home on r_back at -20 m length 24 m
-  stop nowhere on r at 900 m
 }
 """
     (tmp_path / "n.foresee").write_text(text)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
 from foresee_dsl.campaign.written import JSON, WrittenCampaign, read_campaign_file
-from foresee_dsl.errors import ForeseeError
+from foresee_dsl.errors import ForeseeError, with_article
 from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -133,7 +133,7 @@ def _name_of(number: int, written: WrittenCampaign | None, campaign: Path) -> st
 def _by_file(path: Path) -> NamedFailure:
     kind = kind_of(path)
     if kind != "mutant":
-        what = f"a {kind}" if kind else "no definition"
+        what = with_article(kind) if kind else "no definition"
         raise ForeseeError(f"{path} contains {what}, not a mutant: write a mutant's file, or a finding of a campaign")
     above = next((folder for folder in absolute(path).parents if is_file(folder / JSON)), None)
     campaign = read_campaign_file(above / JSON) if above is not None else None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import DRIVER, in_words, recorded_in
 from foresee_dsl.drivers.registry import DRIVERS, name_in, recorded_address
-from foresee_dsl.errors import InputError
+from foresee_dsl.errors import InputError, with_article
 from foresee_dsl.files import absolute, read_outside, templates, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.document import Document
@@ -106,7 +106,7 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
         tests = tuple(_tests_of(file))
         if not tests and file in named:
             kind = a.kind_of(file)
-            message = f"this file has {f'a {kind}' if kind else 'no definition'} and no expectations"
+            message = f"this file has {with_article(kind) if kind else 'no definition'} and no expectations"
             help = "write a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
             raise a.mistake("FS132", message, help, a.display_path(file))
         collected += tests

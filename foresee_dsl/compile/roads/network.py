@@ -243,7 +243,7 @@ class RoadNetwork(Topology):
         """The bus stops that lie on their roads, by name."""
         on_their_roads = {}
         for name in self.bus_stops:
-            with suppress(routing.RouteError):  # the error is reported for actors that stop there
+            with suppress(routing.RouteError):  # a junction cuts its road; actors that stop there have the error
                 on_their_roads[name] = self.stop(name)
         return on_their_roads
 

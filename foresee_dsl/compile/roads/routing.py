@@ -57,7 +57,7 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
     if not route.legs:
         return choices[0]
     first = word_of(route.legs[0].junction)
-    check_junction(network, first)
+    check_junction(network, first, [edges[-1] for edges in choices])
     edges = next((way for edges in choices if (way := _until(network, edges[0], first, kind))), None)
     if edges is None:
         ends = one_of(dict.fromkeys(_named_end(network, edges[-1]) for edges in choices), " or ", wrong=first)
@@ -120,13 +120,18 @@ def check_edge(network: Topology, edge: str) -> None:
         raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, _named(network)))
 
 
-def check_junction(network: Topology, junction: str) -> None:
-    """Check that a junction exists.
+def check_junction(network: Topology, junction: str, behind: Sequence[str] = ()) -> None:
+    """Check that a junction exists; `behind` holds the edges that may lead to it, for the help.
 
     Raises:
         RouteError: it does not.
     """
     if not network.is_junction(junction):
+        if behind and (road := network.pieces(junction)):
+            touching = [edge for edge in behind if network.edges[edge].end == network.edges[road[0]].start]
+            ends = dict.fromkeys(_named_end(network, edge) for edge in touching or behind)
+            help = "name the junction before it: write " + one_of(ends, " or ", wrong=junction)
+            raise RouteError(f"{junction} is a road, not a junction", help)
         names = (*network.junctions, *network.rings)
         raise RouteError(f"there is no junction called {junction}", did_you_mean(junction, names))
 
@@ -163,7 +168,7 @@ def _until(network: Topology, edge: str, junction: str, kind: LaneKind) -> tuple
 def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -> tuple[str, ...]:
     """Return a route with one more leg."""
     junction, turn = word_of(leg.junction), word_of(leg.turn)
-    check_junction(network, junction)
+    check_junction(network, junction, edges[-1:])
     way = _until(network, edges[-1], junction, kind)
     if not way:
         following = _named_end(network, edges[-1])

@@ -88,12 +88,13 @@ def _problem(use: Use, values: Values) -> _Arguments | None:
     message = f"{statement}, which is too {'small' if small else 'large'} for `{place}`"
     within = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
     help = limit(bounds, result) + ", for example with " + write(within)
-    return use.item, use.field, out_of_bounds(use.item), message, help
+    return use.item, use.field, out_of_bounds(use.item, use.field), message, help
 
 
-def out_of_bounds(item: m.Item) -> str:
+def out_of_bounds(item: m.Item, field: str) -> str:
     """Return the code of the error about a value that is too small or too large for its place."""
-    return "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
+    is_ratio = form_of(type(item), field.partition(".")[0]).dimension == "ratio"
+    return "FS043" if is_ratio and isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
 
 
 def limit(bounds: m.Bounds, value: m.Quantity) -> Help:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from foresee_dsl.errors import subject
+from foresee_dsl.errors import subject, with_article
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, rename, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.collector import Collector
@@ -231,8 +231,7 @@ def _check_class(
                 help = "write " + write(f"{keyword} {actor.name}: {model}") + ", or take a model of "
                 help += one_of(wanted, " or ")
             kind = "vehicle" if isinstance(actor, m.Ego) else actor.kind
-            article = "an" if kind == "obstacle" else "a"
-            message = f"'{actor.name}' is {article} {kind}, but `{model}` is of class {class_}"
+            message = f"'{actor.name}' is {with_article(kind)}, but `{model}` is of class {class_}"
             collector.add(item, field, "FS038", message, help)
 
 

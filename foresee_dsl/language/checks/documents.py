@@ -259,7 +259,9 @@ def check_network(collector: Collector, network: m.Network) -> None:
     for junction in junctions:
         _check_junction(collector, junction, network)
     if not roads:
-        collector.add(network, "name", "FS014", "this network has no roads", "add " + write("road main from a to b"))
+        start, end, *_ = *(item.name for item in network.all(m.Junction)), "a", "b"
+        help = "add " + write(f"road main from {start} to {end}")
+        collector.add(network, "name", "FS014", "this network has no roads", help)
     if len(junctions) + len(roads) + sum(isinstance(b, m.Building | m.Doc) for b in network.body) < len(network.body):
         Streets(collector, network, names).check()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from decimal import Decimal
 
 from foresee_dsl.helps import rename, write
@@ -9,17 +11,21 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.sampling import MAX_CASES, case_names
+from foresee_dsl.language.units import UNITS
 from foresee_dsl.limits import most, raised_by
 
 _MAX_SEED = 10**9
 """Largest seed: the largest number that the language allows."""
+
+_DIVISIONS = 4
+"""How many powers of ten are tried as a step at most (ours: finer values are rare)."""
 
 
 def check_drawn(collector: Collector, scenario: m.Scenario) -> None:
     """Check the distributions of a scenario's parameters and its `cases`."""
     for parameter in scenario.all(m.Param):
         if parameter.distribution is not None:
-            _check_distribution(collector, parameter, parameter.distribution)
+            _check_distribution(collector, parameter, parameter.distribution, scenario.all(m.Case))
     _check_case_names(collector, scenario)
 
 
@@ -64,7 +70,9 @@ def _check_cases(collector: Collector, cases: m.Cases) -> bool:
     return sound
 
 
-def _check_distribution(collector: Collector, parameter: m.Param, distribution: m.Distribution) -> None:
+def _check_distribution(
+    collector: Collector, parameter: m.Param, distribution: m.Distribution, cases: Iterable[m.Case]
+) -> None:
     kind = distribution.kind
     if parameter.range is None and parameter.options is None:
         default = parameter.default
@@ -82,7 +90,7 @@ def _check_distribution(collector: Collector, parameter: m.Param, distribution: 
         _check_choice(collector, parameter, distribution)
     elif kind == "grid" and parameter.range is not None and parameter.range.step is None and parameter.type != "count":
         low, high = parameter.range.low, parameter.range.high
-        steps = f"{written(low)}..{written(high)} step {written(_tenth(parameter.range))}"
+        steps = f"{written(low)}..{written(high)} step {written(_step(parameter, parameter.range, cases))}"
         help = "write it like " + write(f"{_head(parameter)} in {steps} as grid")
         collector.add(distribution, "", "FS051", "a grid needs steps, but this range has no step", help)
 
@@ -140,6 +148,22 @@ def _head(parameter: m.Param) -> str:
 
 
 def _tenth(limits: m.Range) -> m.Quantity:
-    """Return a tenth of a range, in the unit of its end."""
-    width = limits.high.value - limits.low.value
-    return m.Quantity(value=(width / 10 if width else width).normalize(), unit=limits.high.unit)
+    """Return a tenth of a range, in the unit of its end; if the range has no width, one."""
+    low, high = limits.low, limits.high
+    begin = low.value
+    if low.unit != high.unit:
+        begin = Decimal(f"{low.si / (UNITS[high.unit].to_si if high.unit else 1.0):.3f}")
+    return m.Quantity(value=((high.value - begin) / 10 or Decimal(1)).normalize(), unit=high.unit)
+
+
+def _step(parameter: m.Param, limits: m.Range, cases: Iterable[m.Case]) -> m.Quantity:
+    """Return a step for a range on which its parameter's default and its values in the cases are: a tenth of the range,
+    or less."""
+    assigned = [item.value for case in cases for item in case.values if item.name == parameter.name]
+    values = [value.si - limits.low.si for value in (parameter.default, *assigned) if isinstance(value, m.Quantity)]
+    step = _tenth(limits)
+    for k in range(_DIVISIONS):
+        if all(math.isclose(value / step.si, round(value / step.si), abs_tol=1e-6) for value in values):
+            break
+        step = m.Quantity(value=Decimal(10) ** (_tenth(limits).value.adjusted() - k), unit=step.unit)
+    return step

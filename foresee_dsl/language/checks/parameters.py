@@ -144,7 +144,10 @@ def _check_value(collector: Collector, parameter: m.Param, item: m.Item, field: 
         if parameter.options is not None and value not in parameter.options:
             message = f"'{value}' is not among the options of '{parameter.name}'"
             words = [option for option in parameter.options if isinstance(option, str)]
-            collector.add(item, field, "FS033", message, did_you_mean(value, words))
+            help = did_you_mean(value, words)
+            if closest(value, words) and len(words) > 1:  # one of the options may be what is misspelt
+                help += f" The options are {', '.join(words)}"
+            collector.add(item, field, "FS033", message, help)
         return
     if parameter.options is not None and not any(same_value(value, option) for option in parameter.options):
         message = f"`{written(value)}` is not among the options of '{parameter.name}'"

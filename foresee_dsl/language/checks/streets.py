@@ -73,8 +73,8 @@ class Streets:
                     self._on_road(item)
                 case m.LaneEnd():
                     self._directed(item)
-                case m.BusStop() if item.bay is not None:
-                    self._bay(item)
+                case m.BusStop():
+                    self._stop(item)
                 case m.LaneTurns():
                     self._lane_turns(item)
                 case m.BannedTurn():
@@ -168,13 +168,18 @@ class Streets:
             return
         self._range(item, edge, FROM_END_M, edge.length_m - FROM_END_M, "lane's end")
 
-    def _bay(self, item: m.BusStop) -> None:
-        """Report a bus stop's bay whose edge does not exist, that does not fit on the edge, or that is beside a cycle
-        lane."""
+    def _stop(self, item: m.BusStop) -> None:
+        """Report a bus stop whose edge does not exist or ends before it, or whose bay does not fit."""
         edge = self._edges.get(item.road)
         if edge is None:
             self._unknown_edge(item, "road", item.road, list(self._edges))
-            return
+        elif item.bay is not None:
+            self._bay(item, edge)
+        elif abs(number(item.at)) > edge.length_m:
+            self._range(item, edge, FROM_END_M, edge.length_m - FROM_END_M, "stop")
+
+    def _bay(self, item: m.BusStop, edge: Directed) -> None:
+        """Report a bus stop's bay that does not fit on its edge, or that is beside a cycle lane."""
         begin_m, end_m = layout.bay_of(item, edge.length_m)
         low, high = FROM_END_M, edge.length_m - FROM_END_M
         if isinstance(item.at, m.Quantity) and (begin_m < low or end_m > high):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 
 from foresee_dsl.errors import subject
-from foresee_dsl.helps import meant_code, write
+from foresee_dsl.helps import HelpText, meant_code, meant_word, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
@@ -48,7 +48,7 @@ def check_values(collector: Collector, model: m.Definition) -> None:
     for item in walk(model):
         compares = isinstance(item, m.Comparison | m.Equals) and id(item) not in required
         if compares and isinstance(item, m.Comparison | m.Equals) and not isinstance(item.left, m.Measure):
-            _not_about_the_world(collector, item)
+            _not_about_the_world(collector, item, parameters)
             continue
         if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure) and isinstance(item.right, m.Quantity):
             needed = m.MEASURED[item.left.what]
@@ -60,7 +60,7 @@ def check_values(collector: Collector, model: m.Definition) -> None:
             if isinstance(value, m.Ref):
                 _check_reference(collector, parameters, item, field, value)
             elif isinstance(value, m.Quantity):
-                _check_limits(collector, item, field, value)
+                _check_limits(collector, item, field, value, in_clip=isinstance(model, m.Clip))
             elif not isinstance(value, m.Expression) or isinstance(item, m.EXPRESSIONS):
                 continue
             elif only_values:
@@ -120,22 +120,32 @@ _A_MODEL = {
 """An example model of each class, for the help when the author wrote only the class."""
 
 
-def _not_about_the_world(collector: Collector, item: m.Comparison | m.Equals) -> None:
-    """Report a parameter in the place of a measured quantity: a parameter never changes during the run."""
+def _not_about_the_world(
+    collector: Collector, item: m.Comparison | m.Equals, parameters: Mapping[str, m.Param]
+) -> None:
+    """Report a parameter in the place of a measured quantity, because it never changes during the run; or a word that
+    is neither."""
     name = written(item.left)
+    if isinstance(item.left, m.Ref) and name not in parameters:
+        help: HelpText = "compare something that is measured in the run, such as " + write("ego.speed")
+        help = meant_word("time", name) if closest(name, ("time",)) else help
+        collector.add(item, "left", "FS004", "unknown word '" + subject(name) + "'", help)
+        return
     requirement = write(f"require {written(item)}") + " in the scenario"
     help = "compare something that is measured in the run, such as " + write("ego.speed") + "; or write " + requirement
     collector.add(item, "left", "FS052", f"'{name}' does not change during the run", help)
 
 
-def _check_limits(collector: Collector, item: m.Item, field: str, value: m.Quantity) -> None:
+def _check_limits(collector: Collector, item: m.Item, field: str, value: m.Quantity, *, in_clip: bool) -> None:
     form = form_of(type(item), field)
     bounds = form.bounds
     if bounds is None or bounds.low <= value.si <= bounds.high:
         return
+    if in_clip and isinstance(item, m.Line) and field == "start":
+        return  # an actor on a track may have begun to move to its line before the clip
     size = "small" if value.si < bounds.low else "large"
     message = f"`{written(value)}` is too {size} for `{word_before(type(item), field)}`"
-    collector.add(item, field, out_of_bounds(item), message, limit(bounds, value))
+    collector.add(item, field, out_of_bounds(item, field), message, limit(bounds, value))
 
 
 def _check_reference(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from foresee_dsl.errors import InputError
+from foresee_dsl.errors import InputError, with_article
 from foresee_dsl.files import absolute, read_outside
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.compare import diff_models
@@ -70,7 +70,7 @@ def parent_address(derived: str) -> str:
     file, _ = addresses.parse_address(derived)
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):
-        message = f"this holds a {model.kind}, which has no parent"
+        message = f"this holds {with_article(model.kind)} without a parent"
         raise addresses.mistake("FS132", message, "name two files to compare", addresses.display_path(file))
     case = model.case if isinstance(model, m.Clip) else None
     address = addresses.display_path(file.parent / model.parent)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from foresee_dsl.errors import with_article
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of, renamed
@@ -42,7 +43,7 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
         InputError: the two are of different kinds.
     """
     if type(a) is not type(b):
-        message = f"'{a.name}' is a {a.kind}, but '{b.name}' is a {b.kind}"
+        message = f"'{a.name}' is {with_article(a.kind)}, but '{b.name}' is {with_article(b.kind)}"
         help = "compare two files of one kind, or a clip or mutant with its expanded parent"
         raise mistake("FS140", message, help, "")
     after, names = _renames(a, b)

@@ -144,12 +144,16 @@ def _has_gap_between_legs(lints: Collector, route: m.Route, roads: Roads) -> boo
 
 
 def _off_the_way(lints: Collector, statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> None:
+    negated: set[int] = set()
+    for part in walk(statement):
+        if isinstance(part, m.Not):
+            negated ^= {id(inner) for inner in walk(part)}
     for comparison in walk(statement):
         if not isinstance(comparison, m.Comparison) or not isinstance(part := comparison.left, m.Measure):
             continue
         if part.what not in ("eta", "distance") or part.actor not in passed:
             continue
-        if part.what == "eta" and comparison.op in (">", ">="):
+        if part.what == "eta" and (comparison.op in (">", ">=")) != (id(comparison) in negated):
             continue  # an eta is infinite there, so this holds
         if part.other in roads.junctions and part.other not in passed[part.actor]:
             value = "is infinite" if part.what == "eta" else "never has a value"

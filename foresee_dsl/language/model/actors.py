@@ -202,7 +202,7 @@ class Steers(Item):
     """
 
     value: Annotated[v.Ratio, Bounds(-1.0, 1.0)]
-    start: v.Time | None = None
+    start: v.Duration | None = None
     duration: v.Duration | None = None
 
 
@@ -237,7 +237,8 @@ class Line(Item):
 
     On a path it moves over in a straight line, along the first 5 m of the path from its start (or the rest of a shorter
     path). On a lane it moves over as in a lane change. Its speed along its route does not change. On a lane, `line 0.60
-    m from 2.00 s for 3.00 s` limits the time; afterwards the actor returns to the middle.
+    m from 2.00 s for 3.00 s` limits the time; afterwards the actor returns to the middle. Only in a clip may the time
+    be negative: an actor on a recorded track may have begun to move over before the clip.
     """
 
     pattern = "line {left} [from {start}] [for {duration}]"
@@ -246,7 +247,7 @@ class Line(Item):
     """
 
     left: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
-    start: v.Time | None = None
+    start: v.Duration | None = None
     duration: v.Duration | None = None
 
 
@@ -264,7 +265,7 @@ class Brakes(Item):
     """
 
     braking: Annotated[v.Acceleration, Bounds(0.0, HARDEST_MPS2)]
-    start: v.Time | None = None
+    start: v.Duration | None = None
     duration: v.Duration | None = None
 
 

@@ -159,7 +159,7 @@ class Change(Item):
     property: v.Name
     was: Annotated[ParamValue | v.Expression, Names("model")]
     now: Annotated[ParamValue | v.Expression, Names("model")]
-    start: v.Time | None = None
+    start: v.Duration | None = None
     duration: v.Duration | None = None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from foresee_dsl.errors import with_article
 from foresee_dsl.language import model as m
 from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
@@ -54,7 +55,7 @@ def check_model(
         collector.add(item, field, "FS110", f"there is no model '{name}'", did_you_mean(name, models))
     elif kind is not None and not fits(name, kind):
         wanted = ", ".join(VEHICLE_CLASSES) if kind in ("ego", "vehicle") else kind
-        message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot have the model '{name}'"
+        message = f"{'the ego' if kind == 'ego' else with_article(kind)} cannot have the model '{name}'"
         near = [model for model in models if fits(model, kind)]
         collector.add(item, field, "FS038", message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
 

@@ -134,12 +134,13 @@ def _of_actor(
     has = value_of(actor, change.property)
     if has is None:
         message = f"{actor.name} has no {change.property} that can change"
-        help = f"replace its whole statement: `change {actor.kind} {actor.name}: ...`" if models is None else ""
+        head = "ego" if isinstance(actor, m.Ego) else f"{actor.kind} {actor.name}"
+        help = f"replace its whole statement: `change {head}: ...`" if models is None else ""
         raise _RefusedError("property", "FS124", message, help)
     _check_was(change, has, place)
     if isinstance(now, m.Quantity) and change.property != "model" and not rule.accepts(now.si):
         raise _RefusedError("now", "FS124", f"{_label(change)} cannot be {value_text(now)}", rule.needs)
-    return actor, _changed(actor, change, now, rule)
+    return actor, _changed(actor, change, now, rule, keeps_times=models is None)
 
 
 def _check_beside_track(change: m.Change, rule: m.Property) -> None:
@@ -271,7 +272,11 @@ def value_of(actor: Participant, name: str) -> _Value | None:
     return _value(getattr(item, field)) if item is not None else rule.default
 
 
-def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property) -> Participant:
+def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property, *, keeps_times: bool) -> Participant:
+    """Return the actor with a property changed.
+
+    A change without times keeps those of a scenario's statement (`keeps_times`); in a clip, it is for the whole clip.
+    """
     if rule.statement is None:
         return _with(actor, **{change.property: now})
     if change.property == "speed" and actor.state is not None:
@@ -280,6 +285,8 @@ def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property
     if rule.words and now == rule.words[0]:
         return _with(actor, body=tuple(item for item in actor.body if not isinstance(item, kind)))
     times = {"start": change.start, "duration": change.duration} if rule.timed else {}
+    if keeps_times and not any(times.values()):
+        times = {name: getattr(actor.first(kind), name, None) for name in times}
     return _replaced(actor, cast(m.ActorItem, kind.model_validate({field: now} | times)))
 
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.errors import Diagnostic, Span, with_article
 from foresee_dsl.files import absolute
 from foresee_dsl.helps import HelpText, instead, write
 from foresee_dsl.language import model as m
@@ -121,7 +121,7 @@ class _Joiner:
         existing = self._like(item)
         if existing is not None:
             called = _called(item)
-            message = f"'{self._extension.parent}' already has {'an' if called[0] in 'aeiou' else 'a'} {called}"
+            message = f"'{self._extension.parent}' already has {with_article(called)}"
             span = self._parent.span(existing)
             place = f" (line {span.line} of '{self._parent.path}')" if span is not None else ""
             help = "write " + instead("change", "add") + f" to replace it{place}"
@@ -165,8 +165,10 @@ class _Joiner:
             other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, names) if line.name else ""
-            if other is not None:
-                help = f"it is a {other.kind}: write " + write(f"drop {other.kind} {other.name}")
+            if line.name == "ego":
+                help = "every scenario has an ego: replace it with " + write("change ego: car.sedan { ... }")
+            elif other is not None:
+                help = f"it is {with_article(other.kind)}: write " + write(f"drop {other.kind} {other.name}")
             self._collector.add(line, "name" if line.name else "", "FS126", message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))
@@ -283,6 +285,8 @@ def _called(item: m.Item) -> str:
     group, name = _identity(item)
     if not name:
         return _word(item)
+    if isinstance(item, m.Cases):
+        return f"cases from {name}"
     return f"actor called '{name}'" if group == "actor" else f"{_word(item)} called '{name}'"
 
 

@@ -266,6 +266,9 @@ class Project:
             root = a.project_folder(absolute(Path()))
             message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
             use.fail("FS138", message, "move the file there, or allow it with " + write("--allow-outside"))
+        if a.is_folder(use.path):
+            word = {m.Mutant: "clip", m.UseTracks: ""}.get(type(use.item), "scenario")
+            use.fail("FS130", f"'{use.written}' is a folder, but one file is needed", _file_in(use, word))
         if not self._is_file(use.path):
             use.fail("FS130", f"there is no file '{use.written}'", a.near_files(use.path))
 
@@ -428,6 +431,14 @@ def _name_another(use: _Use, word: str) -> Help:
     help = Help(f"name a file with `{word} ...`")
     for k, name in enumerate(names):
         help += (" or " if k else ", such as ") + write(f'"{Path(use.written).with_name(name).as_posix()}"')
+    return help
+
+
+def _file_in(use: _Use, word: str) -> Help:
+    """Return a help that names files in the named folder whose definition begins with a word."""
+    help = Help("name a file in it")
+    for k, name in enumerate(a.files_with(use.path, word)):
+        help += (" or " if k else ", such as ") + write(f'"{(Path(use.written) / name).as_posix()}"')
     return help
 
 

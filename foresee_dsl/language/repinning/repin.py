@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 
-from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.errors import Diagnostic, InputError, with_article
 from foresee_dsl.files import absolute, read_outside, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.addresses import diff_cases
@@ -144,7 +144,7 @@ def _derived_files(paths: Iterable[str | Path]) -> dict[Path, Path]:
         if kind in ("clip", "mutant"):
             derived_files[absolute(file)] = file
         elif file in named and not is_folder(file):
-            message = f"this holds {f'a {kind}, which has no pin' if kind else 'no definition'}"
+            message = f"this holds {f'{with_article(kind)} without a pin' if kind else 'no definition'}"
             help = "name clips and mutants, or a folder of them"
             raise mistake("FS132", message, help, display_path(file))
     return derived_files

@@ -95,9 +95,10 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> Diagnos
             error = _wrong_text(node, field, text, place)
         case "too_short":
             least = limits.get("min_length", 1)
-            what = {"points": "places", "edges": "edges"}.get(field, field)
-            message = f"`{_what(node)}` needs at least {least} {what if least > 1 else what.removesuffix('s')}"
-            help: HelpText = f"write {least} or more, with " + write(",") + " between them"
+            noun = _PARTS.get(field, field.removesuffix("s")) + ("s" if least > 1 else "")
+            message = f"{_what(node)} needs at least {least} {noun}"
+            between: HelpText = "a line for each" if field == "actions" else write(",") + " between them"
+            help: HelpText = f"write {least} or more, with " + between
             error = Diagnostic.of("FS014", message, help, span=place)
         case "string_too_long" | "string_too_short":
             most = limits.get("max_length")
@@ -114,6 +115,9 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> Diagnos
             error = Diagnostic.of("FS010", f"`{text_shown}` does not fit here", help, span=place)
     return error
 
+
+_PARTS = {"points": "place", "outline": "corner", "green": "road"}
+"""What a part of a list is called, if its field has another name."""
 
 _NOUNS = {
     "what": "rule", "turns": "turn", "preventable": "answer", "anticipating": "answer", "manner": "style",
@@ -175,8 +179,8 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> Diagnostic:
 
 def _what(node: Node) -> str:
     name = node.fields.get("name")
-    words = {m.VehicleModel: "model", m.When: "this trigger", m.Stage: "stage"}
-    word = words.get(node.kind, node.kind.__name__.lower())
+    words = {m.When: "this trigger", m.FollowsPath: "`follows`", m.EdgeRoute: "this route", m.Path: "this path"}
+    word = words.get(node.kind) or ("model" if node.kind is m.VehicleModel else node.kind.__name__.lower())
     return f"{word} '{_short(name)}'" if isinstance(name, str) else word
 
 

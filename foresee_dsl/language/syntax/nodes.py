@@ -270,6 +270,8 @@ class NodeMaker:
             help: HelpText = meant_code(f"{word}({actor}, {other})")
             self._error("FS006", f"`{actor}.{word}`: this is measured between two actors", help, whole)
             return
+        if actor == "ego" and "steer" in properties:  # a `change`: the driver under test decides the others
+            properties = tuple(name for name in properties if m.PROPERTIES[name].for_ego)
         help = did_you_mean(_MEANT_PROPERTIES.get(word, word), properties) or "write one of " + one_of(properties)
         if word in _PLACES_OF_ACTORS and "eta" in properties:
             places = (f"{actor} within 5 m of (20 m, 0 m)", f"{actor} in junction j4", f"{actor} in lane 1")
