@@ -41,3 +41,12 @@ def test_after_the_first_failure_the_command_without_the_option_continues(file: 
     options = ("--driver", "idm", "--jobs", "1", "--fail-fast", "--out", file.parent / "out")
     said = command.foresee("campaign", file, *options, expect=1).stdout
     assert "Stopped at the first failure. The same command without --fail-fast continues from there." in said
+
+
+def test_an_option_of_one_value_is_given_once(file: Path) -> None:
+    for options in (("--driver", "pdm", "--driver", "idm"), ("--seed=1", "--seed", "1")):
+        for name in ("plan", "run"):
+            said = " ".join(foresee(name, file, *options, expect=2).output.replace("│", "").split())
+            assert f"{options[0].partition('=')[0]} is given more than once, but it takes one value." in said
+    options = ("--only", "nothing", "--only", "nobody", "--out", file.parent / "out")
+    assert "no test case has the family or tag" in " ".join(foresee("plan", file, *options, expect=2).output.split())
