@@ -133,8 +133,7 @@ class CampaignResult:
     @property
     def breaking(self) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
         """Return the test cases and mutants that passed but broke an expectation."""
-        runs: list[CaseRunOutcome | ChildOutcome] = [*self.seeds, *self.children]
-        return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
+        return breaking_only(self.seeds, self.children)
 
     @property
     def fidelity(self) -> FidelityFigures:
@@ -264,6 +263,14 @@ class CampaignResult:
     def open_first(self) -> tuple[str, ...]:
         """Return the files of the failing mutants to inspect first."""
         return tuple(child.file for child in self.to_open_first())
+
+
+def breaking_only(
+    seeds: Iterable[CaseRunOutcome], children: Iterable[ChildOutcome]
+) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
+    """Return the runs that passed but broke an expectation, test cases before mutants."""
+    runs: list[CaseRunOutcome | ChildOutcome] = [*seeds, *children]
+    return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
 
 def is_problem(verdict: Verdict, *, hangs: bool = False) -> bool:

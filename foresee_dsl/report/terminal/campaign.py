@@ -104,7 +104,7 @@ def _end(
     `named`: maximum number of test cases, reasons or expectations that are named.
     """
     yield from _broken_lines(result, named)
-    yield from _breaking_lines(result, named)
+    yield from _breaking_lines(result.breaking, named)
     yield from _others_lines(result, table.findings, out)
     yield from _changed_lines(result)
     if table.findings:
@@ -126,7 +126,9 @@ def print_findings(
     campaign: WrittenCampaign,
     standing: Standing = Standing(),  # noqa: B008 - immutable
 ) -> None:
-    """Print all findings of a written campaign in its order, one line each, including those that the report folds."""
+    """Print all findings of a written campaign in its order, one line each, including those that the report folds; then
+    the runs that break only an expectation, which belong to no finding.
+    """
     rows = []
     for finding in campaign.grouped:
         campaign.require(finding, "number", "judgement", "title")
@@ -140,6 +142,8 @@ def print_findings(
         console.print(Text(f"foresee review 1{_in(campaign.folder)} shows one of them with its reasons.", style="dim"))
     else:
         console.print("no findings")
+    for line in _breaking_lines(campaign.breaking, most=None):
+        console.print(line, soft_wrap=True)
 
 
 def _standing_lines(standing: Standing) -> Iterator[Text]:
@@ -342,21 +346,26 @@ def _broken_lines(result: CampaignResult, named: int) -> Iterator[Text]:
         yield Text(f"   could not be run: {safe(what, WHOLE)}", style="red")
 
 
-def _breaking_lines(result: CampaignResult, named: int) -> Iterator[Text]:
-    """Yield the broken expectations of runs with the verdict `pass`, and the runs that break each of them."""
+def _breaking_lines(
+    breaking: Sequence[CaseRunOutcome | ChildOutcome], named: int | None = None, most: int | None = 1
+) -> Iterator[Text]:
+    """Yield the broken expectations of runs with the verdict `pass`, and the runs that break each of them.
+
+    `named`, `most`: maximum numbers of expectations, and of runs of each, that are named; None: all.
+    """
     names: dict[str, list[str]] = {}
-    for run in result.breaking:
+    for run in breaking:
         for sentence in run.broken_expectations:
             names.setdefault(sentence, []).append(run.id if isinstance(run, CaseRunOutcome) else run.name)
     if names:
-        runs = counted(len(result.breaking), "run")
+        runs = counted(len(breaking), "run")
         yield Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold")
     for sentence, of in list(names.items())[:named]:
         yield Text(f"  {safe(sentence, WHOLE)}")
-        yield _path("    ", of[0])
-        if len(of) > 1:
-            yield Text(f"    ... and {len(of) - 1} more")
-    if len(names) > named:
+        yield from (_path("    ", name) for name in of[:most])
+        if most is not None and len(of) > most:
+            yield Text(f"    ... and {len(of) - most} more")
+    if named is not None and len(names) > named:
         yield Text(f"  ... and {len(names) - named} more: campaign.json has all")
 
 
