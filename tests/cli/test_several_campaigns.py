@@ -88,6 +88,8 @@ def test_the_joint_page_names_the_ranker_where_the_driver_does_not_tell_campaign
     contents = contents_of(campaign_folders(out), Reader(plays=False))
     failed = next(table for table in contents.overview if table.title == "Test cases that fail without mutation")
     assert [row[:2] for row in failed.rows] == [("idm", LATE.id), ("idm", HIT.id)]
+    figures = dict(row[:2] for row in contents.numbers[0].rows)
+    assert figures["failing children, as found"] == "0", "the overview counts findings, by their minimised mutants"
     titles = [table.title for table in contents.numbers]
     assert "The campaign idm, foresee" in titles and "The campaign idm, reach" in titles
     assert len(set(titles)) == len(titles)

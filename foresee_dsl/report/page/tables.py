@@ -156,7 +156,8 @@ def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
     yield "risky points", str(campaign.risky_points)
     yield "clips", str(campaign.clips)
     yield "children", str(campaign.children)
-    yield "failing children", str(sum(campaign.failures.values()))
+    # The overview counts findings, with the answers for their minimised mutants; these are the answers for each mutant.
+    yield "failing children, as found", str(sum(campaign.failures.values()))
     for driver, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
         for answer, count in answers.items():
             yield f"  {driver}: {answer}", str(count)
