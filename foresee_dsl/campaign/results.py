@@ -14,7 +14,7 @@ from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.grouping import Finding, family_order, findings_of, in_order
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
-from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.documents import or_null, rounded, where_set
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
@@ -88,6 +88,8 @@ class CampaignResult:
     """The minimised representatives of the findings, sorted by name."""
     repeats: Mapping[str, Repeats] = field(default_factory=dict)
     """Runs of the findings in other processes, by name."""
+    shard: Shard = field(default_factory=Shard)
+    """The part of the campaign that was run."""
 
     def row(self, family: str | None = None) -> FamilyRow:
         """Return the figures of one family, or of all."""

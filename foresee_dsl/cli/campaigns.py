@@ -344,7 +344,10 @@ def plan(
         return json_document({"plans": several}, "plans")
 
     def people(screen: Console) -> None:
-        for settings, campaign_plan in of_each:
+        empty = bool(part.text) and not any(stages_of_plan.seeds for stages_of_plan in stages)
+        if empty:
+            screen.print(f"--shard {part.text}: {part.empty_text}")
+        for settings, campaign_plan in of_each if not empty else ():
             if len(plans) > 1:
                 screen.print(f"{settings.driver}, {settings.ranker}", style="bold")
             _print_plan(campaign_plan, folder, stored=stored)

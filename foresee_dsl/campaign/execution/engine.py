@@ -124,7 +124,7 @@ def run_campaign(
         ran = run_missing(stages, work=work, store=store, listeners=listeners, options=options)
         with _no_search_for_cycles():
             result, traces = assemble(stages, out)
-            result = replace(result, interrupted=ran.stopped, broken=ran.broken)
+            result = replace(result, interrupted=ran.stopped, broken=ran.broken, shard=options.shard)
             if repeat and not ran.stopped:
                 result = replace(result, repeats=repeated(result, traces, stages, store, options))
             result = replace(result, wall_s=time.monotonic() - started)

@@ -221,6 +221,9 @@ def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
 def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Text]:
     """Yield the counts: findings by their judgement, failed test cases and mutants, and the settings."""
     settings, total = result.settings, result.row()
+    empty = bool(result.shard.text) and not (result.seeds or result.interrupted)
+    if empty:
+        yield Text(f"--shard {result.shard.text}: {result.shard.empty_text}", style="bold yellow")
     if result.goal is not None:
         yield Text(_goal_words(result.goal), style="bold red" if result.goal.children else "bold")
     if findings:
@@ -234,11 +237,12 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
                        style="bold yellow")  # fmt: skip
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
-    elif not result.failed and not result.broken:
+    elif not (result.failed or result.broken or empty):
         yield Text("no failures so far" if result.interrupted else "no failures", style="bold green")
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
-    yield verdicts_line(result.seeds)
+    if not empty:
+        yield verdicts_line(result.seeds)
     if cases := _without_clips(result):
         of = counted(len(result.seeds), "test case")
         yield Text(f"{len(cases)} of {of} without clips: no change there promises a failure that can be avoided")
@@ -258,7 +262,8 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     yield Text(
         f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, "
         f"clips of at most {length:g} s, {counted(settings.risky_points, 'risky point')} x "
-        f"{counted(settings.children, 'child', 'children')}, {_seeds(settings)}; {counted(total.clips, 'clip')}, "
+        f"{counted(settings.children, 'child', 'children')}, {_seeds(settings)}"
+        f"{f', shard {result.shard.text}' if result.shard.text else ''}; {counted(total.clips, 'clip')}, "
         f"{duration(result.wall_s)}",
         style="dim",
     )
@@ -402,7 +407,8 @@ def _suggested_lines(result: CampaignResult, out: Path, store: Path | None) -> I
         return
     named = _paths_of(cases)
     elsewhere = store is not None and store != out / "store"
-    folders = ["--out", str(out), *(["--store", str(store)] if elsewhere else [])]
+    shard = ["--shard", result.shard.text] if result.shard.text else []
+    folders = ["--out", str(out), *(["--store", str(store)] if elsewhere else []), *shard]
     again = shlex.join(["foresee", "campaign", *named, "--driver", settings.driver, *folders])
     yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
