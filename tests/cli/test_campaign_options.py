@@ -64,11 +64,11 @@ def test_with_all_results_stored_an_early_end_changes_nothing(tmp_path: Path) ->
     assert command.foresee(*line, "--budget", "0", expect=1).stdout.split("Next:")[0] == first.split("Next:")[0]
 
 
-def test_a_driver_is_no_reference_for_itself(file: Path) -> None:
+def test_a_driver_cannot_be_its_own_reference(file: Path) -> None:
     out = ("--out", file.parent / "out")
     done = foresee("plan", file, "--driver", "idm", "--against", "idm", *out, expect=2)
     said = " ".join(done.output.replace("│", "").split())
-    assert "idm is the driver under test, and no reference for itself: name another, or `none`" in said
+    assert "idm is the driver under test, which cannot be its own reference: name another, or `none`" in said
     nightly = file.with_name("nightly.foresee")
     nightly.write_text('foresee 1\n\ncampaign nightly {\n  seeds "a.foresee"\n  drivers [idm]\n  against [idm]\n}\n')
     said = str(foresee("plan", nightly, *out, expect=1).exception)

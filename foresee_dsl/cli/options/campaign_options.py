@@ -387,7 +387,7 @@ def _without_references(
         return ()
     alone = tuple(dict.fromkeys(each.driver for each in settings if not each.against))
     if alone and len(drivers) == 1:
-        message = f"{alone[0]} is the driver under test, and no reference for itself: name another, or `{NOBODY}`"
+        message = f"{alone[0]} is the driver under test, which cannot be its own reference: name another, or `{NOBODY}`"
         if written_in:
             raise ForeseeError(f"{written_in}: `against`: {message}")
         raise typer.BadParameter(message, param_hint="--against")

@@ -157,11 +157,11 @@ class Consenting(TyperCommand):
         """Read the arguments; a usage error names an option of one value that is given more than once."""
         rest = super().parse_args(ctx, list(args))
         if not ctx.resilient_parsing:  # a shell that asks for completions gets no error message
-            given = self.make_parser(ctx).parse_args(list(args))[2]
-            for parameter in given:
+            parsed = self.make_parser(ctx).parse_args(list(args))[2]
+            for parameter in parsed:
                 repeatable = parameter.multiple or getattr(parameter, "is_flag", False)
                 option = parameter.param_type_name == "option"
-                if option and not repeatable and sum(other is parameter for other in given) > 1:
+                if option and not repeatable and sum(other is parameter for other in parsed) > 1:
                     ctx.fail(f"{parameter.opts[0]} is given more than once, but it takes one value.")
         return rest
 
