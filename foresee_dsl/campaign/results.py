@@ -14,7 +14,7 @@ from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.grouping import Finding, family_order, findings_of, in_order
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
-from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.documents import or_null, rounded, where_set
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
@@ -88,6 +88,8 @@ class CampaignResult:
     """The minimised representatives of the findings, sorted by name."""
     repeats: Mapping[str, Repeats] = field(default_factory=dict)
     """Runs of the findings in other processes, by name."""
+    shard: Shard = field(default_factory=Shard)
+    """The part of the campaign that was run."""
 
     def row(self, family: str | None = None) -> FamilyRow:
         """Return the figures of one family, or of all."""
@@ -133,8 +135,7 @@ class CampaignResult:
     @property
     def breaking(self) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
         """Return the test cases and mutants that passed but broke an expectation."""
-        runs: list[CaseRunOutcome | ChildOutcome] = [*self.seeds, *self.children]
-        return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
+        return breaking_only(self.seeds, self.children)
 
     @property
     def fidelity(self) -> FidelityFigures:
@@ -264,6 +265,14 @@ class CampaignResult:
     def open_first(self) -> tuple[str, ...]:
         """Return the files of the failing mutants to inspect first."""
         return tuple(child.file for child in self.to_open_first())
+
+
+def breaking_only(
+    seeds: Iterable[CaseRunOutcome], children: Iterable[ChildOutcome]
+) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
+    """Return the runs that passed but broke an expectation, test cases before mutants."""
+    runs: list[CaseRunOutcome | ChildOutcome] = [*seeds, *children]
+    return tuple(run for run in runs if run.verdict is Verdict.PASS and run.broken_expectations)
 
 
 def is_problem(verdict: Verdict, *, hangs: bool = False) -> bool:

@@ -188,6 +188,16 @@ class Shard:
             raise ValueError(f"{text!r} is not a part of a campaign: the parts of {shard.of} are 1 to {shard.of}")
         return shard
 
+    @property
+    def text(self) -> str:
+        """Return it as one types it, such as `2/8`; "" for the whole campaign."""
+        return "" if self == Shard() else f"{self.number or 'all'}/{self.of}"
+
+    @property
+    def empty_text(self) -> str:
+        """Return, in words, that no test case belongs to the part."""
+        return f"no test case belongs to part {self.text}: the key of a test case decides its part"
+
     def part(self, key: str) -> int:
         """Return the number of the part that contains a test case with this key."""
         return int(key[:12], 16) % self.of + 1

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from foresee_dsl.campaign.goal import GoalCounts
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, WrittenFinding
-from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.results import CampaignResult, breaking_only
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.documents import read_fields, shape
 from foresee_dsl.errors import ForeseeError
@@ -69,6 +69,11 @@ class WrittenCampaign:
     def mutants(self) -> Iterator[ChildOutcome]:
         """Return the mutants of all clips."""
         return (child for clip in self.clip_runs for child in clip.children)
+
+    @property
+    def breaking(self) -> tuple[CaseRunOutcome | ChildOutcome, ...]:
+        """Return the test cases and mutants that passed but broke an expectation."""
+        return breaking_only(self.test_cases, self.mutants)
 
     @property
     def grouped(self) -> tuple[WrittenFinding, ...]:

@@ -160,14 +160,14 @@ def campaign(
 
 
 def _chosen(cases: Sequence[TestCase], request: Request, flags: Flags) -> tuple[tuple[TestCase, ...], list[str]]:
-    """Return the first of the test cases that have the campaign's goal (without a goal, of all), and notes on what is
-    left out: other test cases, and earlier failures that belong to none of them.
+    """Return the first of the test cases that have the campaign's goal (without a goal, of all), the request's notes,
+    and notes on what is left out: other test cases, and earlier failures that belong to none of them.
     """
     from foresee_dsl.campaign.allocation.earlier import EarlierMutants
     from foresee_dsl.campaign.goal import left_out, with_goal
 
     settings = request.settings[0]
-    notes = [left_out(cases, settings.goal)]
+    notes = [*request.notes, left_out(cases, settings.goal)]
     cases = with_goal(cases, settings.goal)[: flags.first]
     if settings.first_from:
         earlier = EarlierMutants.in_folder(Path(settings.first_from), but=request.folder(settings, flags.out))
@@ -344,7 +344,10 @@ def plan(
         return json_document({"plans": several}, "plans")
 
     def people(screen: Console) -> None:
-        for settings, campaign_plan in of_each:
+        empty = bool(part.text) and not any(stages_of_plan.seeds for stages_of_plan in stages)
+        if empty:
+            screen.print(f"--shard {part.text}: {part.empty_text}")
+        for settings, campaign_plan in of_each if not empty else ():
             if len(plans) > 1:
                 screen.print(f"{settings.driver}, {settings.ranker}", style="bold")
             _print_plan(campaign_plan, folder, stored=stored)

@@ -117,11 +117,18 @@ def history(
     foresee history out --html out/history.html[/dim]
     """
     from foresee_dsl.campaign.triage.history import changes_of
+    from foresee_dsl.campaign.written import JSON, read_campaign_file
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.report.history import history_table
 
     changes = changes_of(folder)
     if not changes:
+        written = map(read_campaign_file, (folder / JSON, *folder.glob(f"*/{JSON}")))
+        if any(campaign is not None and campaign.interrupted for campaign in written):
+            raise ForeseeError(
+                f"the campaign in {folder} was interrupted, and only campaigns that have ended are listed: the same "
+                "command continues it"
+            )
         raise ForeseeError(f"there is no campaign in {folder}: `foresee campaign PATH --out {folder}` runs one")
     if html is not None:
         from foresee_dsl.report.history import write_history

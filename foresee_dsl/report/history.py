@@ -18,8 +18,9 @@ from foresee_dsl.report.safe_text import counted
 def history_table(changes: Sequence[CampaignChange]) -> Table:
     """Return the table of campaigns, the latest first: findings by judgement, new, still there and gone."""
     several = len({change.folder for change in changes}) > 1
-    headings = (*(("folder",) if several else ()), "ended", "driver", "cases", *(whose.value for whose in Whose), "all",
-                "new", "still", "gone")  # fmt: skip
+    judgements = ("driver's fault" if whose is Whose.DRIVER else whose.value for whose in Whose)
+    headings = (*(("folder",) if several else ()), "ended", "driver", "cases", *judgements, "all", "new", "still",
+                "gone")  # fmt: skip
     rows = tuple(
         (
             *((change.folder.name,) if several else ()),

@@ -97,6 +97,9 @@ def test_one_worker_that_is_stopped_between_gives_the_same(
     assert sorted(stopped.kinds + again.kinds) == sorted(first.kinds)
     assert again.rounds == first.rounds
     assert published(mine) == published(out)
+    result, third = campaign(file, mine, ADAPTIVE, options=RunOptions(stop=lambda: True), heard=HeardRounds())
+    assert not result.interrupted and third.kinds == []
+    assert published(mine) == published(out)
 
 
 def test_even_shares_what_both_have_drawn(done: tuple[Path, Path, HeardRounds], tmp_path: Path) -> None:

@@ -57,6 +57,8 @@ def test_what_it_says_is_what_is_done(project: Path) -> None:
     found = read_campaign(written(project, NIGHTLY))
     assert (found.name, found.drivers, found.rankers, found.budget_s) == ("nightly", ("idm",), (), 600.0)
     assert found.settings == {"before_s": 3.0, "after_s": 2.5, "risky_points": 2, "children": 1, "seed": 7}
+    none = read_campaign(written(project, NIGHTLY.replace("budget 10 min", "budget 0 min")))
+    assert none.budget_s == 0.0, "as with `--budget 0`"
     (path,) = found.paths
     assert Path(path).is_file() and not is_campaign(path), "patterns give scenarios, not the campaign itself"
     assert is_campaign(str(project / "nightly.foresee"))

@@ -58,6 +58,14 @@ def test_a_second_campaign_runs_nothing_and_gives_the_same(done: tuple[Path, Pat
     assert published(out) == before
 
 
+def test_a_campaign_whose_results_are_all_stored_is_not_interrupted_by_a_stop(done: tuple[Path, Path, Heard]) -> None:
+    file, out, _ = done
+    before = published(out)
+    result, heard = campaign(file, out, options=RunOptions(stop=lambda: True))
+    assert not result.interrupted and heard.kinds == []
+    assert published(out) == before
+
+
 def test_another_folder_shares_the_store_under_its_own_names(done: tuple[Path, Path, Heard], tmp_path: Path) -> None:
     """Parents' paths and names in the texts are this campaign's; all else is as the first wrote it."""
     file, out, _ = done

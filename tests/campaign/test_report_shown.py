@@ -14,7 +14,7 @@ from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.grouping import TELLING_WORDS, TITLE_WORDS
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.campaign.written import JSON, WrittenCampaign
 from foresee_dsl.drivers.registry import reference_drivers
 from foresee_dsl.report.terminal.campaign import REPEATED, SCREEN_LINES, print_campaign, print_findings
@@ -104,6 +104,8 @@ def test_the_seeds_and_the_broken_expectations_of_mutants_are_counted() -> None:
     text = shown(CampaignResult(settings, (PASSED,), (clip,), 1.0))
     assert "0 of 2 mutated children failed, 2 broke only an expectation\n" in text
     assert "x 4 children, seeds 3 to 6, first the failures of old/out; 1 clip, " in text
+    part = CampaignResult(CampaignSettings(), (PASSED,), (), 1.0, shard=Shard(2, 8))
+    assert "x 4 children, seed 0, shard 2/8; 0 clips, " in shown(part) and "--out out --shard 2/8 " in shown(part)
     assert "x 4 children, seed 0; 0 clips, " in shown(CampaignResult(CampaignSettings(), (PASSED,), (), 1.0))
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from lxml import html
 
+from foresee_dsl.campaign.folder import as_text, campaign_document
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.triage.decisions import (
     FILE,
     Decision,
@@ -19,14 +23,17 @@ from foresee_dsl.campaign.triage.decisions import (
     triage_file,
 )
 from foresee_dsl.campaign.triage.history import FILE as HISTORY
-from foresee_dsl.campaign.triage.history import PastCampaign, PastFinding
+from foresee_dsl.campaign.triage.history import CampaignChange, PastCampaign, PastFinding
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.report.history import history_table
 from tests.support import command
 from tests.support.first_project import checked
+from tests.support.first_project import foresee as run_here
 from tests.support.small_campaign import SMALL, TEXT, copy_runs
 
-SHORT = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--children", "3",
-         "--jobs", "1")  # fmt: skip
+WINDOW = (*SMALL, "--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "1", "--jobs", "1")
+SHORT = (*WINDOW, "--children", "3")
+PAST = PastCampaign("2026-01-01", "0", "pdm", "foresee", "focused", 0, (), ())
 
 
 def decision(story: str, note: str = "issue 12", kind: Triage = Triage.KNOWN) -> Decision:
@@ -155,7 +162,7 @@ def test_what_is_new_still_there_triaged_and_gone_is_told_everywhere(project: Pa
     assert all(finding["title"] in shown for finding in (*old.values(), *new.values()))
     campaigns = checked(foresee(project, "history", "--json"))["campaigns"]
     assert [campaign["new"] for campaign in campaigns] == [None, len(fresh)]
-    third = foresee(project, "campaign", "crosser.foresee", *SHORT, "--children", "2", expect=1)
+    third = foresee(project, "campaign", "crosser.foresee", *WINDOW, "--children", "2", expect=1)
     assert " still " in third and "0 gone" in third and " still there" in third
 
 
@@ -205,6 +212,24 @@ def test_all_campaigns_of_a_project_have_one_file(tmp_path: Path, monkeypatch: p
             assert triage_file(order) == place / FILE
 
 
+def test_an_interrupted_campaign_is_named_as_such(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for folder in (out, out / "pdm_reach"):
+        folder.mkdir()
+        result = CampaignResult(CampaignSettings(), (), (), 1.0, interrupted=folder != out)
+        (folder / "campaign.json").write_text(as_text(campaign_document(result)))
+        said = str(run_here("history", out, expect=1).exception)
+        told = f"the campaign in {out} was interrupted, and only campaigns that have ended are listed"
+        assert said.startswith(told if folder != out else f"there is no campaign in {out}")
+
+
+def test_the_columns_of_the_history_have_names_of_their_own() -> None:
+    table = history_table([CampaignChange(Path("out"), PAST, {"driver": 3}, None, None, None)])
+    assert len(set(table.headings)) == len(table.headings)
+    assert table.rows[0][table.headings.index("driver's fault")] == "3"
+    assert table.rows[0][table.headings.index("driver")] == "pdm"
+
+
 def test_a_damaged_history_is_named(project: Path) -> None:
     file = project / "out" / HISTORY
     text = file.read_text()
@@ -216,7 +241,5 @@ def test_a_damaged_history_is_named(project: Path) -> None:
 
 def test_a_finding_whose_test_case_is_not_run_again_is_not_gone() -> None:
     findings = tuple(PastFinding(story, "driver", story, f"{story}.foresee") for story in ("a", "b", "c"))
-    past = PastCampaign(
-        "2026-01-01", "0", "pdm", "foresee", "focused", 0, tuple(f.test_case for f in findings), findings
-    )
+    past = replace(PAST, test_cases=tuple(f.test_case for f in findings), findings=findings)
     assert [finding.story for finding in past.gone({"a"}, ["a.foresee", "b.foresee"])] == ["b"]

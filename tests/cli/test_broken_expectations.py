@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from foresee_dsl.campaign.folder import as_text, campaign_document
+from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.simulate.results.verdict import Verdict
 from tests.cli.test_ci import run_pytest
 from tests.support.first_project import checked, foresee
 
@@ -85,6 +91,30 @@ def test_a_campaign_says_it_in_report_data_junit_and_page(scene: Path) -> None:
     assert data["seeds"] == {"total": 1, "passed": 0, "failed": 1}
     assert 'type="expectation"' in Path("j.xml").read_text()
     page = Path("out/report.html").read_text()
+    assert "No failures, but 1 run breaks an expectation, among 0 children" in page
+    assert "Nothing failed, but 1 run breaks an expectation: the overview lists them." in page
     assert "1 broke an expectation" in page and "does not hold: expect slow" in page
     compared = json.loads(foresee("compare", "out", "out", "--json").stdout)
     assert compared["rows"][0]["base_failed"] == 1, compared
+
+
+def test_mutants_that_break_only_an_expectation_are_named_by_review_page_and_markdown(tmp_path: Path) -> None:
+    case = CaseRunOutcome("a.foresee::r01", "7", "a", 1.0, verdict=Verdict.PASS, reason="arrived", duration_s=10.0)
+    child = ChildOutcome("a_r01_p1_m1", verdict=Verdict.PASS, reason="arrived", broken_expectations=("room > 1 m",))
+    children = (child, *(replace(child, name=f"a_r01_p1_m{k}") for k in range(2, 131)))
+    clip = ClipOutcome(case.id, name="a_r01_p1", verdict=Verdict.PASS, reason="arrived", children=children)
+    out = tmp_path / "out"
+    out.mkdir()
+    result = CampaignResult(CampaignSettings(), (case,), (clip,), 1.0)
+    (out / "campaign.json").write_text(as_text(campaign_document(result)))
+    listed = foresee("review", "--campaign", out).stdout
+    head = "no findings\n\nExpectations that do not hold, in 130 runs without another failure:\n  room > 1 m\n"
+    assert listed == head + "".join(f"    {one.name}\n" for one in children)
+    page, text = tmp_path / "page.html", tmp_path / "page.md"
+    foresee("report", out, "--output", page)
+    foresee("report", out, "--format", "markdown", "--output", text)
+    told = "No failures, but 130 runs break an expectation, among 130 children"
+    assert told in page.read_text() and told in text.read_text()
+    assert "a_r01_p1_m100<" in page.read_text() and "and 30 more: campaign.json has all" in page.read_text()
+    assert "\n| a&#95;r01&#95;p1&#95;m1 | a.foresee::r01 | room &#62; 1 m |\n| a&#95;r01" in text.read_text()
+    assert "\nand more: campaign.json has all\n" in text.read_text()

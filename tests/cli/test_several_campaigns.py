@@ -32,6 +32,10 @@ BREAKS = replace(CHILD, broken_expectations=("room > 1 m: 0.4 m",))
 CLIP = ClipOutcome(PASSED.id, name="a_r01_p1", verdict=Verdict.PASS, reason="arrived", duration_s=10.0)
 CLIPS = {"foresee": replace(CLIP, children=(BREAKS, BREAKS)), "reach": replace(CLIP, children=(CHILD,))}
 RANKERS = ("foresee", "reach")
+HEADLINE = (
+    "1 finding in 1 failing run, and 2 runs break an expectation without another failure, "
+    "among 3 children of 2 clips from 3 test cases\n"
+)
 
 
 @pytest.fixture(scope="module")
@@ -72,15 +76,20 @@ def test_a_command_for_one_campaign_names_those_below(words: str, out: Path) -> 
 
 def test_the_joint_report_counts_runs_that_campaigns_share_once(out: Path) -> None:
     text = foresee("report", out, "--format", "text").stdout
-    assert text.startswith("1 finding in 1 failing run, among 3 children of 2 clips from 3 test cases\n"), text
+    assert text.startswith(HEADLINE), text
     assert "\nOf 3 test cases, 1 ended with timeout: see the overview.\nOf 3 children, 2 broke an expectation" in text
     assert text.count("the walker steps out") == 1
+    title, *lines = text.rstrip().split("\n\n")[-1].split("\n")
+    assert title == "Children that break an expectation without another failure"
+    assert lines == ["  idm, a_r01_p1_m1, a.foresee::r01, room > 1 m: 0.4 m"] * 2
 
 
 def test_the_joint_page_names_the_ranker_where_the_driver_does_not_tell_campaigns_apart(out: Path) -> None:
     contents = contents_of(campaign_folders(out), Reader(plays=False))
     failed = next(table for table in contents.overview if table.title == "Test cases that fail without mutation")
     assert [row[:2] for row in failed.rows] == [("idm", LATE.id), ("idm", HIT.id)]
+    figures = dict(row[:2] for row in contents.numbers[0].rows)
+    assert figures["failing children, as found"] == "0", "the overview counts findings, by their minimised mutants"
     titles = [table.title for table in contents.numbers]
     assert "The campaign idm, foresee" in titles and "The campaign idm, reach" in titles
     assert len(set(titles)) == len(titles)

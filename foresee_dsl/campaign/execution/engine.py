@@ -124,7 +124,7 @@ def run_campaign(
         ran = run_missing(stages, work=work, store=store, listeners=listeners, options=options)
         with _no_search_for_cycles():
             result, traces = assemble(stages, out)
-            result = replace(result, interrupted=ran.stopped, broken=ran.broken)
+            result = replace(result, interrupted=ran.stopped, broken=ran.broken, shard=options.shard)
             if repeat and not ran.stopped:
                 result = replace(result, repeats=repeated(result, traces, stages, store, options))
             result = replace(result, wall_s=time.monotonic() - started)
@@ -244,10 +244,10 @@ class _CampaignRun:
     def _begin_rounds(self) -> None:
         """Begin each round whose required results are all available."""
         for rounds in self._stages.rounds:
-            while not (rounds.finished or self._stop() or self._stopped_early or self._awaits(rounds)):
+            while not (rounds.finished or self._stopped_early or self._awaits(rounds)):
                 begun = len(rounds.begun)
                 nodes = rounds.next()
-                for new in rounds.begun[begun:]:
+                for new in rounds.begun[begun:] if not self._stop() else ():
                     for listener in self._listeners:
                         listener.round(new)
                 if not nodes:
@@ -262,14 +262,20 @@ class _CampaignRun:
         return self._options.stop() or time.monotonic() > self._ends_s
 
     def _visit(self, nodes: Iterable[StepNode]) -> None:
-        """Visit steps and all known steps that depend on them; start a task for each that has no result."""
+        """Visit steps and all known steps that depend on them; start a task for each that has no result.
+
+        A campaign that stops still visits what has a result: if nothing is missing, it was not stopped early.
+        """
         ahead = list(reversed(tuple(nodes)))
-        while ahead and not self._stop():
-            node = ahead.pop()
+        while ahead:
+            node, stops = ahead.pop(), self._stop()
+            row = None if node.step.key in self._unreported else self._stages.row(node)
+            if row is None and stops:
+                self._stopped_early = True
+                continue
             for listener in self._listeners:
                 listener.planned(node.step.kind, 1)
-            row = None if node.step.key in self._unreported else self._stages.row(node)
-            if row is not None and self._stages.has_more_time(node, row, self._options.limits):
+            if row is not None and not stops and self._stages.has_more_time(node, row, self._options.limits):
                 self._store.drop(row.key)
                 row = None
             if row is None:
@@ -277,7 +283,6 @@ class _CampaignRun:
             else:
                 self._tell(row, new=False)
                 ahead.extend(reversed(self._stages.after(node, row)))
-        self._stopped_early |= bool(ahead)
 
     def _awaited_by(self, node: StepNode) -> tuple[int, int]:
         """Return the part of the campaign, and the first round in it, that waits for a step's result."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, is_dataclass
 from functools import update_wrapper
@@ -280,11 +280,13 @@ class Request:
         paths: the test cases.
         settings: one entry per driver and ranker.
         budget_min: time budget in minutes, or None.
+        notes: sentences on settings of which a user may expect something else.
     """
 
     paths: list[str]
     settings: tuple[CampaignSettings, ...]
     budget_min: float | None = None
+    notes: tuple[str, ...] = ()
 
     def folder(self, settings: CampaignSettings, out: Path) -> Path:
         """Return the folder of a campaign's results: `out`, or a subfolder per driver and ranker if there are
@@ -308,6 +310,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     on_command_line = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
     drivers: tuple[str, ...] = (values["driver"],)
     rankers: tuple[str, ...] = (values["ranker"],)
+    written_in = ""
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
             raise ForeseeError("a campaign file names its own test cases, so no other path can be given beside it")
@@ -328,7 +331,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
         in_file = {option_name(name): value for name, value in file.settings.items()}
         values |= {name: value for name, value in in_file.items() if name not in on_command_line}
         if file.against is not None and "against" not in on_command_line:
-            values["against"] = file.against
+            values["against"], written_in = file.against, named_in
         if "budget" not in on_command_line and file.budget_s is not None:
             budget = file.budget_s / 60
     else:
@@ -336,7 +339,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
             if not values[name]:  # with a campaign file, an empty name leaves out the file's
                 raise typer.BadParameter(EMPTY, param_hint=_typed(name))
     settings = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
-    return Request(paths, settings, budget)
+    return Request(paths, settings, budget, _without_references(values["against"], drivers, settings, written_in))
 
 
 def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
@@ -394,6 +397,29 @@ def _references(names: str | tuple[str, ...] | None, driver: str) -> tuple[str, 
     for name in references:
         find_driver(name)
     return tuple(name for name in references if name != driver)
+
+
+def _without_references(
+    names: str | tuple[str, ...] | None, drivers: tuple[str, ...], settings: Sequence[CampaignSettings], written_in: str
+) -> tuple[str, ...]:
+    """Return a note on each of several drivers that has no reference driver, because only it is named as one; with one
+    driver, this is an error.
+
+    `written_in`: the campaign file that names the reference drivers; "" for the command line.
+    """
+    from foresee_dsl.campaign.campaign_file import NOBODY
+    from foresee_dsl.errors import ForeseeError
+
+    listed = common.names_in(names) if isinstance(names, str) else names
+    if not listed or listed == (NOBODY,):
+        return ()
+    alone = tuple(dict.fromkeys(each.driver for each in settings if not each.against))
+    if alone and len(drivers) == 1:
+        message = f"{alone[0]} is the driver under test, which cannot be its own reference: name another, or `{NOBODY}`"
+        if written_in:
+            raise ForeseeError(f"{written_in}: `against`: {message}")
+        raise typer.BadParameter(message, param_hint="--against")
+    return tuple(f"{driver} has no reference driver: `against` names only {driver} itself" for driver in alone)
 
 
 def _make_once(driver: str) -> Driver:

@@ -148,9 +148,24 @@ def profiling() -> Iterator[Profiler]:
 
 
 class Consenting(TyperCommand):
-    """A command that may start programs which its options name as drivers, but not programs that files name."""
+    """A command that may start programs which its options name as drivers, but not programs that files name.
 
-    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
+    An option that takes one value can be given only once: otherwise the last value would silently replace the others.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - a type that typer keeps to itself
+        """Read the arguments; a usage error names an option of one value that is given more than once."""
+        rest = super().parse_args(ctx, list(args))
+        if not ctx.resilient_parsing:  # a shell that asks for completions gets no error message
+            parsed = self.make_parser(ctx).parse_args(list(args))[2]
+            for parameter in parsed:
+                repeatable = parameter.multiple or getattr(parameter, "is_flag", False)
+                option = parameter.param_type_name == "option"
+                if option and not repeatable and sum(other is parameter for other in parsed) > 1:
+                    ctx.fail(f"{parameter.opts[0]} is given more than once, but it takes one value.")
+        return rest
+
+    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - as above
         """Run the command, with consent to the programs that its options name."""
         from foresee_dsl.drivers.consent import allowing
 

@@ -182,7 +182,7 @@ class Budget(Item):
     pattern = "budget {time}"
     words = "budget (statement): no new run of a campaign begins later than this after its start | budget 30 min"
 
-    time: Annotated[_Time, Bounds(1.0)]
+    time: Annotated[_Time, Bounds(0.0)]
 
 
 CampaignItem = Annotated[

@@ -15,12 +15,13 @@ from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.sureness import sureness_of
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, WrittenFinding
+from foresee_dsl.campaign.results import breaking_only
 from foresee_dsl.campaign.triage.decisions import counted_decisions
 from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.campaign.written import WrittenCampaign, read_campaign_folder
 from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, case_runs, failing_runs
 from foresee_dsl.report.page.runs import FailingRun, Reader
-from foresee_dsl.report.page.tables import Table, ended, numbers, overview
+from foresee_dsl.report.page.tables import Table, breaking_children, ended, numbers, overview
 from foresee_dsl.report.safe_text import counted
 from foresee_dsl.report.verdicts import not_deterministic
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
@@ -43,6 +44,7 @@ class Contents:
         notes: what a reader should know first: the campaign was interrupted, steps could not be run, an older version
             wrote the file.
         overview, numbers: the tables before and after the findings.
+        breaking: the table of the mutants that break only an expectation, which is also in the overview.
     """
 
     title: str
@@ -52,6 +54,7 @@ class Contents:
     notes: tuple[str, ...]
     overview: tuple[Table, ...] = ()
     numbers: tuple[Table, ...] = ()
+    breaking: Table | None = None
     nothing: str = "Nothing failed. The overview has the nearest misses."
     """What stands in place of findings if there are none."""
 
@@ -86,9 +89,10 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
     ]
     listed_cases: set[tuple[str, int, str]] = set()
     findings = tuple(finding for source in sources for finding in _findings(source, reader, listed_cases))
+    breaking = _breaking(campaigns)
     return Contents(
         title=", ".join(dict.fromkeys(c.driver for c in campaigns)),
-        headline=_headline(campaigns, findings),
+        headline=_headline(campaigns, findings, breaking),
         subtitle=_subtitle(campaigns),
         findings=findings,
         notes=(
@@ -98,6 +102,8 @@ def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
         ),
         overview=tuple(overview(sources, findings)),
         numbers=tuple(numbers(sources)),
+        breaking=breaking_children(sources),
+        nothing=f"Nothing failed, but {breaking}: the overview lists them." if breaking else Contents.nothing,
     )
 
 
@@ -113,12 +119,21 @@ def _names(campaigns: Sequence[WrittenCampaign]) -> list[tuple[str, ...]]:
     return names
 
 
-def _headline(campaigns: Sequence[WrittenCampaign], findings: Sequence[FindingEntry]) -> str:
+def _breaking(campaigns: Sequence[WrittenCampaign]) -> str:
+    """Return, in words, how many runs break an expectation without another failure; "" if there are none."""
+    cases = sum(ended(case) == EXPECTATION for _, case in case_runs(campaigns))
+    runs = cases + len([child for c in campaigns for child in breaking_only((), c.mutants)])
+    return f"{counted(runs, 'run')} {'breaks' if runs == 1 else 'break'} an expectation" if runs else ""
+
+
+def _headline(campaigns: Sequence[WrittenCampaign], findings: Sequence[FindingEntry], breaking: str) -> str:
     runs = failing_runs(findings)
     children = sum(c.children for c in campaigns)
     clips = sum(c.clips for c in campaigns)
     cases = len({case.id for c in campaigns for case in c.test_cases})
     finding = f"{counted(len(findings), 'finding')} in {counted(runs, 'failing run')}" if findings else "No failures"
+    if breaking:
+        finding = f"{finding}, and {breaking} without another failure" if findings else f"{finding}, but {breaking}"
     return (
         f"{finding}, among {counted(children, 'child', 'children')} of {counted(clips, 'clip')} "
         f"from {counted(cases, 'test case')}"
@@ -172,11 +187,9 @@ def _counts(campaigns: Sequence[WrittenCampaign]) -> Iterator[str]:
         if counts:
             of = f"{counted(len(cases), 'test case')}{f' with {driver}' if len(drivers) > 1 else ''}"
             yield f"Of {of}, {', '.join(counts)}: see the overview."
-    children = sum(bool(c.broken_expectations) and c.verdict is Verdict.PASS for campaign in campaigns
-                   for c in campaign.mutants)  # fmt: skip
-    if children:
+    if children := sum(len(breaking_only((), campaign.mutants)) for campaign in campaigns):
         of = counted(sum(c.children for c in campaigns), "child", "children")
-        yield f"Of {of}, {children} broke an expectation (overview)."
+        yield f"Of {of}, {children} broke an expectation without another failure: see the list below."
 
 
 def _not_run(campaign: WrittenCampaign) -> Iterator[str]:

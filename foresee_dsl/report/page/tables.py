@@ -21,6 +21,8 @@ from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 MOST_NEAR = 10
 """Maximum number of near misses in the overview. Ours: as many as fit on a screen."""
+MOST_BROKEN = 100
+"""Maximum number of broken expectations of children in a report. Ours: a few screens."""
 
 
 @dataclass(frozen=True)
@@ -62,19 +64,28 @@ def overview(sources: Sequence[ReportedCampaign], findings: Sequence[FindingEntr
     if failed:
         headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", R157, ANTICIPATING)
         yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=len(headings))
+    if (broken := breaking_children(sources)).rows:
+        yield broken
+    if (nearest := _nearest(sources)).rows:
+        yield nearest
+
+
+def breaking_children(sources: Sequence[ReportedCampaign]) -> Table:
+    """Return the table of the mutants that passed but broke an expectation; without rows if there are none."""
+    several = len(sources) > 1
     broken = [
-        (child.name, clip.seed, sentence)
+        (*((source.campaign.driver,) if several else ()), child.name, clip.seed, sentence)
         for source in sources
         for clip in source.campaign.clip_runs
         for child in clip.children
         if child.verdict is Verdict.PASS
         for sentence in child.broken_expectations
     ]
-    if broken:
-        yield Table("Children that break an expectation without another failure", ("mutant", "test case", "what"),
-                    tuple(broken[:MOST_NEAR]), texts=3)  # fmt: skip
-    if (nearest := _nearest(sources)).rows:
-        yield nearest
+    headings = (*(("driver",) if several else ()), "mutant", "test case", "what")
+    more = len(broken) - MOST_BROKEN
+    end = (f"and {more} more: campaign.json has all", *("" for _ in headings[1:])) if more > 0 else ()
+    return Table("Children that break an expectation without another failure", headings, tuple(broken[:MOST_BROKEN]),
+                 end, texts=len(headings))  # fmt: skip
 
 
 def ended(case: CaseRunOutcome) -> str:
@@ -145,7 +156,8 @@ def _figures(campaign: WrittenCampaign) -> Iterator[tuple[str, str]]:
     yield "risky points", str(campaign.risky_points)
     yield "clips", str(campaign.clips)
     yield "children", str(campaign.children)
-    yield "failing children", str(sum(campaign.failures.values()))
+    # The overview counts findings, with the answers for their minimised mutants; these are the answers for each mutant.
+    yield "failing children, as found", str(sum(campaign.failures.values()))
     for driver, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
         for answer, count in answers.items():
             yield f"  {driver}: {answer}", str(count)

@@ -104,7 +104,7 @@ def _end(
     `named`: maximum number of test cases, reasons or expectations that are named.
     """
     yield from _broken_lines(result, named)
-    yield from _breaking_lines(result, named)
+    yield from _breaking_lines(result.breaking, named)
     yield from _others_lines(result, table.findings, out)
     yield from _changed_lines(result)
     if table.findings:
@@ -126,7 +126,9 @@ def print_findings(
     campaign: WrittenCampaign,
     standing: Standing = Standing(),  # noqa: B008 - immutable
 ) -> None:
-    """Print all findings of a written campaign in its order, one line each, including those that the report folds."""
+    """Print all findings of a written campaign in its order, one line each, including those that the report folds; then
+    the runs that break only an expectation, which belong to no finding.
+    """
     rows = []
     for finding in campaign.grouped:
         campaign.require(finding, "number", "judgement", "title")
@@ -140,6 +142,8 @@ def print_findings(
         console.print(Text(f"foresee review 1{_in(campaign.folder)} shows one of them with its reasons.", style="dim"))
     else:
         console.print("no findings")
+    for line in _breaking_lines(campaign.breaking, most=None):
+        console.print(line, soft_wrap=True)
 
 
 def _standing_lines(standing: Standing) -> Iterator[Text]:
@@ -217,6 +221,9 @@ def _next_lines(findings: Sequence[Finding], out: Path) -> Iterator[Text]:
 def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Text]:
     """Yield the counts: findings by their judgement, failed test cases and mutants, and the settings."""
     settings, total = result.settings, result.row()
+    empty = bool(result.shard.text) and not (result.seeds or result.interrupted)
+    if empty:
+        yield Text(f"--shard {result.shard.text}: {result.shard.empty_text}", style="bold yellow")
     if result.goal is not None:
         yield Text(_goal_words(result.goal), style="bold red" if result.goal.children else "bold")
     if findings:
@@ -230,11 +237,12 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
                        style="bold yellow")  # fmt: skip
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
-    elif not result.failed and not result.broken:
+    elif not (result.failed or result.broken or empty):
         yield Text("no failures so far" if result.interrupted else "no failures", style="bold green")
     if result.broken:
         yield Text(f"{counted(len(result.broken), 'step')} could not be run", style="bold red")
-    yield verdicts_line(result.seeds)
+    if not empty:
+        yield verdicts_line(result.seeds)
     if cases := _without_clips(result):
         of = counted(len(result.seeds), "test case")
         yield Text(f"{len(cases)} of {of} without clips: no change there promises a failure that can be avoided")
@@ -254,7 +262,8 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
     yield Text(
         f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, "
         f"clips of at most {length:g} s, {counted(settings.risky_points, 'risky point')} x "
-        f"{counted(settings.children, 'child', 'children')}, {_seeds(settings)}; {counted(total.clips, 'clip')}, "
+        f"{counted(settings.children, 'child', 'children')}, {_seeds(settings)}"
+        f"{f', shard {result.shard.text}' if result.shard.text else ''}; {counted(total.clips, 'clip')}, "
         f"{duration(result.wall_s)}",
         style="dim",
     )
@@ -342,21 +351,26 @@ def _broken_lines(result: CampaignResult, named: int) -> Iterator[Text]:
         yield Text(f"   could not be run: {safe(what, WHOLE)}", style="red")
 
 
-def _breaking_lines(result: CampaignResult, named: int) -> Iterator[Text]:
-    """Yield the broken expectations of runs with the verdict `pass`, and the runs that break each of them."""
+def _breaking_lines(
+    breaking: Sequence[CaseRunOutcome | ChildOutcome], named: int | None = None, most: int | None = 1
+) -> Iterator[Text]:
+    """Yield the broken expectations of runs with the verdict `pass`, and the runs that break each of them.
+
+    `named`, `most`: maximum numbers of expectations, and of runs of each, that are named; None: all.
+    """
     names: dict[str, list[str]] = {}
-    for run in result.breaking:
+    for run in breaking:
         for sentence in run.broken_expectations:
             names.setdefault(sentence, []).append(run.id if isinstance(run, CaseRunOutcome) else run.name)
     if names:
-        runs = counted(len(result.breaking), "run")
+        runs = counted(len(breaking), "run")
         yield Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold")
     for sentence, of in list(names.items())[:named]:
         yield Text(f"  {safe(sentence, WHOLE)}")
-        yield _path("    ", of[0])
-        if len(of) > 1:
-            yield Text(f"    ... and {len(of) - 1} more")
-    if len(names) > named:
+        yield from (_path("    ", name) for name in of[:most])
+        if most is not None and len(of) > most:
+            yield Text(f"    ... and {len(of) - most} more")
+    if named is not None and len(names) > named:
         yield Text(f"  ... and {len(names) - named} more: campaign.json has all")
 
 
@@ -393,7 +407,8 @@ def _suggested_lines(result: CampaignResult, out: Path, store: Path | None) -> I
         return
     named = _paths_of(cases)
     elsewhere = store is not None and store != out / "store"
-    folders = ["--out", str(out), *(["--store", str(store)] if elsewhere else [])]
+    shard = ["--shard", result.shard.text] if result.shard.text else []
+    folders = ["--out", str(out), *(["--store", str(store)] if elsewhere else []), *shard]
     again = shlex.join(["foresee", "campaign", *named, "--driver", settings.driver, *folders])
     yield Text("\nWhat to try next (runs that are in the store are not repeated):", style="bold")
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
