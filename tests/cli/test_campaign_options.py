@@ -43,13 +43,14 @@ def test_after_the_first_failure_the_command_without_the_option_continues(file: 
     assert "Stopped at the first failure. The same command without --fail-fast continues from there." in said
 
 
-def test_an_option_of_one_value_is_given_once(file: Path) -> None:
-    for options in (("--driver", "pdm", "--driver", "idm"), ("--seed=1", "--seed", "1")):
+def test_two_drivers_or_rankers_are_refused(file: Path) -> None:
+    for options in (("--driver", "pdm", "--driver", "idm"), ("--driver=pdm", "--driver", "pdm")):
         for name in ("plan", "run"):
             said = " ".join(foresee(name, file, *options, expect=2).output.replace("│", "").split())
             assert f"{options[0].partition('=')[0]} is given more than once, but it takes one value." in said
     done = foresee("plan", file, "--only", "nothing", "--only", "nobody", "--out", file.parent / "out", expect=2)
     assert "no test case has the family or tag" in " ".join(done.output.split())
+    foresee("plan", file, "--seed", "1", "--seed", "2", "--out", file.parent / "out", expect=0)  # the last one counts
 
 
 def test_with_all_results_stored_an_early_end_changes_nothing(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import sys
+from collections import Counter
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -147,22 +148,29 @@ def profiling() -> Iterator[Profiler]:
         yield profiler
 
 
+ONE_OF_SEVERAL = ("--driver", "--ranker")
+"""Options of which a campaign file can name several: two of them look as if both were used, but the last one would
+silently replace the others."""
+
+
 class Consenting(TyperCommand):
     """A command that may start programs which its options name as drivers, but not programs that files name.
 
-    An option that takes one value can be given only once: otherwise the last value would silently replace the others.
+    It refuses two values of an option of `ONE_OF_SEVERAL`; of any other option the last value counts, so that a script
+    can add options to a command.
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - a type that typer keeps to itself
-        """Read the arguments; a usage error names an option of one value that is given more than once."""
+        """Read the arguments; a usage error names an option of `ONE_OF_SEVERAL` that is given more than once."""
         rest = super().parse_args(ctx, list(args))
         if not ctx.resilient_parsing:  # a shell that asks for completions gets no error message
-            parsed = self.make_parser(ctx).parse_args(list(args))[2]
-            for parameter in parsed:
-                repeatable = parameter.multiple or getattr(parameter, "is_flag", False)
-                option = parameter.param_type_name == "option"
-                if option and not repeatable and sum(other is parameter for other in parsed) > 1:
-                    ctx.fail(f"{parameter.opts[0]} is given more than once, but it takes one value.")
+            given = Counter(parameter.opts[0] for parameter in self.make_parser(ctx).parse_args(list(args))[2]
+                            if not parameter.multiple)  # fmt: skip
+            for option in ONE_OF_SEVERAL:
+                if given[option] > 1:
+                    ctx.fail(
+                        f"{option} is given more than once, but it takes one value: a campaign file can name several."
+                    )
         return rest
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - as above
