@@ -28,6 +28,7 @@ from foresee_dsl.language.model import OWNERS, PROPERTIES, USUAL
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.limits import LIMITS
+from foresee_dsl.plugins import BESIDE, PluginGroup, package_of
 from foresee_dsl.simulate.results.criticality import CriticalityMeasure
 from foresee_dsl.simulate.results.infraction import Rule
 from foresee_dsl.simulate.results.verdict import COLLISIONS
@@ -123,11 +124,17 @@ def styles() -> set[str]:
     return {*PROPERTIES["style"].words} - {USUAL}
 
 
+def ours(group: PluginGroup) -> Iterable[str]:
+    """What the distributions of this repository offer; a developer of another plug-in may have that installed too."""
+    packages = ("foresee-dsl", *(f"foresee-{extra}" for extra in BESIDE))
+    return *(entry.name for entry in group.entries() if package_of(entry) in packages), *group.missing()
+
+
 NAMED: dict[tuple[str, str], Callable[[], Iterable[str]]] = {
     ("reference/plug-ins.md", "| group | what it adds | description |"): plug_in_groups,
-    ("reference/drivers.md", "| driver | what it is |"): lambda: (*DRIVERS.names(), *DRIVERS.missing()),
+    ("reference/drivers.md", "| driver | what it is |"): lambda: ours(DRIVERS),
     ("reference/clips.md", "| changed | values | WAS, if the clip does not say it |"): changeable_in_clips,
-    ("background/method.md", "| ranker | what it does |"): lambda: (*RANKERS.names(), *RANKERS.missing()),
+    ("background/method.md", "| ranker | what it does |"): lambda: ours(RANKERS),
     ("background/method.md", "| operator | what it changes | which actors | source |"): operators,
     ("background/method.md", "| preset | what its children are |"): lambda: PRESETS,
     ("background/method.md", "| rule | the ego breaks it when | source |"): lambda: Rule,

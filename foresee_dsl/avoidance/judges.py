@@ -1,7 +1,7 @@
 """The judges that examine every failure of a campaign.
 
-To add a judge, add an instance of its class to `JUDGES`. It returns an `Opinion`, or a dataclass of its own, which
-`AnyJudgement` must list.
+To add a judge, add an instance of its class to `JUDGES`. It returns an `Opinion`, which records, reports and reviews
+show. The two other records have keys of their own in `campaign.json`, for the figures of their models.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from foresee_dsl.avoidance.judge import Failure, Judge, Opinion
 from foresee_dsl.avoidance.r157.assessing import Preventability, R157Driver
 
 AnyJudgement = Preventability | Anticipation | Opinion
-"""A judgement as stored in records."""
+"""A judgement as stored in records (`campaign.records`); that of a further judge is an `Opinion`."""
 JUDGES: tuple[Judge[AnyJudgement], ...] = (R157Driver(), AnticipatingDriver())
 """All judges, in the order in which reports show their answers."""
 

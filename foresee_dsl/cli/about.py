@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from foresee_dsl.cli.options.common import FAILED, JsonOption, console, print_json
+from foresee_dsl.errors import ForeseeError
 
 
 def drivers(json: JsonOption = False) -> None:
@@ -222,6 +223,23 @@ def _report_formats() -> str:
     return ", ".join(f"{entry.name} ({package_of(entry)})" for entry in REPORT_FORMATS.entries()) or "none"
 
 
+def _other_plug_ins() -> str:
+    """Return what other packages offer in groups without a check of their own; raise for what cannot be imported."""
+    from foresee_dsl.plugins import PluginGroup, package_of
+
+    offered = []
+    for group in sorted(metadata.entry_points().groups):
+        if not group.startswith("foresee_dsl.") or group in _CHECKED:
+            continue
+        kind = group.removeprefix("foresee_dsl.").replace("_", " ")
+        plug_ins = PluginGroup(group, kind.removesuffix("s"), ForeseeError)
+        for name in plug_ins.names():
+            plug_ins.load(name)
+        names = [entry.name for entry in plug_ins.entries() if package_of(entry) != "foresee-dsl"]
+        offered += [f"{kind}: {', '.join(names)}"] if names else []
+    return "; ".join(offered) or "none"
+
+
 def _whole_line() -> str:
     from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.files import data_folder
@@ -250,6 +268,8 @@ def _plug_ins() -> str:
     return "; ".join(sorted(distributions))
 
 
+_CHECKED = ("foresee_dsl.drivers", "foresee_dsl.commands", "foresee_dsl.report_formats")
+"""Groups of plug-ins that have a check of their own."""
 _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("libsumo and netconvert agree", _versions_agree, _REINSTALL),
     ("netconvert runs", _netconvert, _REINSTALL),
@@ -260,5 +280,6 @@ _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("drivers", _drivers, "uninstall or repair the package in the message"),
     ("commands of plug-ins", _commands, "uninstall or repair the package in the message"),
     ("report formats of plug-ins", _report_formats, "uninstall or repair the package in the message"),
+    ("other plug-ins", _other_plug_ins, "uninstall or repair the package in the message"),
     ("a bundled scenario runs", _whole_line, "run it by `foresee run` with FORESEE_DEBUG=1 and report the output"),
 )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
+from typing import get_args
 
 import pytest
 from lxml import html
@@ -23,6 +25,7 @@ from foresee_dsl.campaign.triage.standing import Standing
 from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.campaign.written import read_campaign_folder
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.documents import plain
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.builds.case_results import _details
@@ -125,8 +128,10 @@ def test_every_kind_of_answer_is_read_again_as_what_it_was() -> None:
         Anticipation(Answer.UNDECIDED, "who knows", runs=3),
         Opinion("third", "undecided", "no idea", avoids=False),
     )
+    assert {type(answer) for answer in found} == set(get_args(judges.AnyJudgement)), "a further judge gives an Opinion"
     again = decode(encode(child(found)), ChildOutcome)
     assert again == child(found)
+    assert ChildOutcome.from_document(json.loads(json.dumps(plain(child(found))))).judgements == found
     assert [one.avoids for one in again.judgements] == [False, False, False]
     assert not child(found).avoidable
 

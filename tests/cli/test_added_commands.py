@@ -159,6 +159,9 @@ def test_one_name_of_two_packages_is_refused_with_both_named(site: Path) -> None
 
 
 def test_doctor_names_what_cannot_be_used(site: Path) -> None:
+    install(site, "acme-risk", "[foresee_dsl.rankers]\nfastest = acme_risk:Fastest\n")
     said = {f["what"]: f for f in json.loads(foresee(site, "doctor", "--json", code=1).stdout)["findings"]}
     assert not said["commands of plug-ins"]["ok"]
     assert "the command 'check' of package acme-more is refused" in said["commands of plug-ins"]["detail"]
+    assert not said["other plug-ins"]["ok"]
+    assert "ranker 'fastest' of package acme-risk cannot be loaded" in said["other plug-ins"]["detail"]

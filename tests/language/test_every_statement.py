@@ -9,6 +9,7 @@ from typing import Any, get_args
 import pytest
 
 from foresee_dsl.derive.clipping import clip, conditions
+from foresee_dsl.derive.clipping.triggers import Resumed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS, keywords_in
 from foresee_dsl.language.model.item import Group
@@ -88,6 +89,22 @@ def test_triggers_and_clips_handle_every_class() -> None:
     assert members(m.ScenarioItem) | members(m.ActorItem) <= handled[clip]
     assert members(m.Condition) <= handled[conditions] | handled[kinds]
     assert members(m.Action) - {"Wait", "Then"} <= handled[director]
+
+
+def test_a_clip_states_the_rest_of_every_action_that_lasts() -> None:
+    kinds_ = get_args(get_args(m.Action)[0])
+    last = {kind for kind in kinds_ if {"duration", "over"} & set(kind.model_fields)} - {m.Wait}
+    assert last <= set(get_args(Resumed)), "a clip that begins during the action loses it: add it to `Resumed`"
+
+
+@pytest.mark.parametrize("kind", get_args(get_args(m.Action)[0]), ids=lambda kind: kind.__name__)
+def test_it_is_said_when_an_action_is_complete(kind: type[m.Item]) -> None:
+    words = {keyword.word for keyword in keywords_in(kind.words)}
+    words |= set(re.findall(r"[a-z]+", re.sub(r"\{\w+\}", " ", kind.pattern))) - {"for", "at", "with"}
+    said = inspect.cleandoc(m.Then.__doc__ or "").partition("An action is complete:")[2]
+    assert kind in (m.Wait, m.Then) or words & set(re.findall(r"\w+", said)), (
+        f"add it to the docstring of Then: {words}"
+    )
 
 
 def test_what_may_change_is_a_field_of_the_class_that_holds_it() -> None:

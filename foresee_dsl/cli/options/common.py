@@ -164,13 +164,11 @@ class Consenting(TyperCommand):
         """Read the arguments; a usage error names an option of `ONE_OF_SEVERAL` that is given more than once."""
         rest = super().parse_args(ctx, list(args))
         if not ctx.resilient_parsing:  # a shell that asks for completions gets no error message
-            given = Counter(parameter.opts[0] for parameter in self.make_parser(ctx).parse_args(list(args))[2]
+            times = Counter(parameter.opts[0] for parameter in self.make_parser(ctx).parse_args(list(args))[2]
                             if not parameter.multiple)  # fmt: skip
             for option in ONE_OF_SEVERAL:
-                if given[option] > 1:
-                    ctx.fail(
-                        f"{option} is given more than once, but it takes one value: a campaign file can name several."
-                    )
+                if times[option] > 1:
+                    ctx.fail(f"{option} is given more than once, but it takes one value.")
         return rest
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - as above

@@ -13,7 +13,8 @@ from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import all_actions, walk
 
-_ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
+_MOVE_OR_LEAVE: tuple[type[m.Item], ...] = (*get_args(m.Moves), m.LeavesTrack)
+"""Actions that only an actor which can move can do; a lint knows nothing against the others."""
 _SLACK = 1.01
 """Speeds up to this multiple of the model's maximum are attributed to rounding (ours; the compiler's check uses the
 same)."""
@@ -29,7 +30,7 @@ def actor_lints(lints: Collector, case: TestCase) -> None:
     for when in case.scenario.all(m.When):
         for action in walk(when):
             actor_ = actors.get(getattr(action, "actor", ""))
-            if actor_ is None or not isinstance(action, _ACTIONS) or isinstance(action, m.Door):
+            if actor_ is None or not isinstance(action, _MOVE_OR_LEAVE):
                 continue  # any car may open a door, also the ego and a parked one
             reason = _cannot(action, actor_)
             if reason:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, get_args
 
 from foresee_dsl.files import data_folder
 from foresee_dsl.helps import (
@@ -26,6 +26,7 @@ from foresee_dsl.helps import (
     remove,
     write,
 )
+from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.units import UNITS
 
@@ -125,7 +126,8 @@ def _share(percent: str) -> str:
 
 
 def _action(verb: str) -> str | None:
-    return closest(verb, ("starts", "stops", "leaves"))  # the actions that need only their actor
+    heads = (kind.pattern.partition(" [")[0].split() for kind in get_args(get_args(m.Action)[0]))
+    return closest(verb, [head[1] for head in heads if head[0] == "{actor}" and len(head) == 2])  # only their actor
 
 
 _COMPUTED: Mapping[str, Callable[[str], str | None]] = MappingProxyType(
