@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.kernels.conditions import box_distance
+from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.report.drawing.ground import ground_of
 from foresee_dsl.report.drawing.shapes import as_data, ground_shapes
