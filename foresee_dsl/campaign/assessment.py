@@ -18,7 +18,7 @@ from foresee_dsl.documents import rounded
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
-from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.document import TestCase, family_order
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
@@ -240,7 +240,7 @@ def rows_of(runs: Iterable[DriverRun], *, families: bool = False) -> tuple[Drive
     rows = []
     for driver, mine in groupby(runs, key=lambda run: run.driver):
         listed = list(mine)
-        parts = sorted({run.family for run in listed}) if families else ["all"]
+        parts = sorted({run.family for run in listed}, key=family_order) if families else ["all"]
         rows += [_row(driver, f, [run for run in listed if f in ("all", run.family)]) for f in parts]
     return tuple(rows)
 

@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 from foresee_dsl.avoidance.responsibility import Responsibility, responsibility_of
 from foresee_dsl.campaign.driving import case_file_name
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats, WrittenFinding
+from foresee_dsl.language.document import family_order
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -224,11 +225,6 @@ def _case_words(finding: Finding, story: str) -> str:
     while len(words) > room or (len(words) > 1 and words[-1] in _NOT_LAST):
         words.pop()
     return " ".join(words)
-
-
-def family_order(family: str) -> tuple[bool, int, str]:
-    """Return the sort key of a family, in the order of the paper's table; the empty one (no tag) is last."""
-    return (not family.isdigit(), int(family) if family.isdigit() else 0, family)
 
 
 def _joined(group: list[Finding]) -> Finding:

@@ -12,11 +12,12 @@ from foresee_dsl.avoidance.anticipating import Answer
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.goal import GoalCounts
-from foresee_dsl.campaign.grouping import Finding, family_order, findings_of, in_order
+from foresee_dsl.campaign.grouping import Finding, findings_of, in_order
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome, Minimised, Repeats
 from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.documents import or_null, rounded, where_set
+from foresee_dsl.language.document import family_order
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 

@@ -137,6 +137,11 @@ class TestCase(Displayed):
         return self.scenario.family
 
 
+def family_order(family: str) -> tuple[bool, int, str]:
+    """Return the sort key of a family, in the order of the paper's table; the empty one (no tag) is last."""
+    return (not family.isdigit(), int(family) if family.isdigit() else 0, family)
+
+
 @dataclass(frozen=True)
 class Problem:
     """An error that shows only once the network is known, such as an actor off the road or on top of another one.

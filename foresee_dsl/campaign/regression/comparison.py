@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 
+from foresee_dsl.language.document import family_order
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
 
@@ -229,7 +230,7 @@ class CampaignComparison:
     @property
     def rows(self) -> tuple[Row, ...]:
         """Return the figures of all test cases, of each family, and of each kind of failure that occurs."""
-        families = sorted({pair.new.family for pair in self.pairs}, key=lambda f: (not f.isdigit(), int(f or 0), f))
+        families = sorted({pair.new.family for pair in self.pairs}, key=family_order)
         ended = {ran.verdict for pair in self.pairs for ran in (pair.base, pair.new)}
         kinds = [v for v in Verdict if v is not Verdict.PASS and v in ended]
         rows = [_row("all", self.pairs)]

@@ -12,6 +12,7 @@ from foresee_dsl.avoidance.judge import ANTICIPATING, R157
 from foresee_dsl.avoidance.r157.assessing import Preventable
 from foresee_dsl.campaign.records import CaseRunOutcome
 from foresee_dsl.campaign.written import WrittenCampaign
+from foresee_dsl.language.document import family_order
 from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, case_runs, failing_runs
 from foresee_dsl.report.terminal.raw_numbers import family_title
 from foresee_dsl.report.terminal.tables import duration
@@ -181,7 +182,8 @@ def _family_table(campaign: WrittenCampaign, campaign_name: str) -> Table:
     headings = ("family", "cases", "not passed", "points", "clips", "children", *kinds, "failing children")
     families = {case.id: case.family for case in campaign.test_cases}
     rows = [
-        _family_row(campaign, families, {family}, family_title(family)) for family in sorted(set(families.values()))
+        _family_row(campaign, families, {family}, family_title(family))
+        for family in sorted(set(families.values()), key=family_order)
     ]
     total = _family_row(campaign, families, set(families.values()), "all")
     return Table(f"By family {campaign_name}".strip(), headings, tuple(rows), total)
