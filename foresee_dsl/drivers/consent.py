@@ -38,7 +38,7 @@ def configuration() -> Path:
 
 def allow(*addresses: str) -> None:
     """Allow the programs of these drivers' addresses to be started, with any sensors. Other drivers need no consent."""
-    _ALLOWED.set(_ALLOWED.get() | {_program(address) for address in addresses if _is_program(address)})
+    _ALLOWED.set(_ALLOWED.get() | {_program(address) for address in addresses if is_program(address)})
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def may_start(address: str) -> bool:
     """Return whether a driver may be created: it is an installed package, or a program to which the user has
     consented.
     """
-    return not _is_program(address) or _program(address) in _ALLOWED.get()
+    return not is_program(address) or _program(address) in _ALLOWED.get()
 
 
 def ask(address: str) -> None:
@@ -112,7 +112,8 @@ def refuse_programs(named: Iterable[tuple[str, Path]], instead: str, *, unless: 
     allow(*(address for address, _ in programs))
 
 
-def _is_program(address: str) -> bool:
+def is_program(address: str) -> bool:
+    """Return whether a driver's address names something that is started only with consent."""
     return ":" in address
 
 

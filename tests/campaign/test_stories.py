@@ -80,7 +80,13 @@ def test_there_are_as_many_children_as_with_even_and_each_says_why_it_was_made(
     why = children[finding.name]["why"]
     mutant = parse((out / finding.file).read_text(), "mutant").model
     assert isinstance(mutant, Mutant) and mutant.origin is not None and mutant.origin.why == why
-    assert review_of(find_failure(finding.name, out)).why == why
+    review = review_of(find_failure(finding.name, out))
+    assert review.why == why
+    assert not [command for command in review.command_lines if "--run-programs" in command]
+    program = replace(review.campaign.settings, driver="external:python3 my_driver.py")
+    review = replace(review, campaign=replace(review.campaign, settings=program))
+    asks = {command.split()[1] for command in review.command_lines if command.endswith(" --run-programs")}
+    assert asks == {"verify", "sure"}, "files name the driver, so these ask for consent"
     write_report([out], out / "report.html")
     write_markdown([out], out / "report.md")
     for page in ("report.html", "report.md"):

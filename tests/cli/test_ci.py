@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -130,6 +131,8 @@ def test_hostile_texts_are_valid_xml(root: Path) -> None:
     )
     tree = junit(to_junit(text, [made], properties=[(text, text)]), root)
     assert "\\x1b[31m<script>&\"'\\x00\\xfffe]]>" in tree.find(".//failure").text
+    for here in (".", "/", ".."):  # the folder from which a suite is run
+        junit(to_junit("foresee verify", [replace(made, suite=here)]), root)
 
 
 def test_annotations_of_a_campaign_stand_at_the_change_and_are_one_a_finding() -> None:
@@ -148,6 +151,7 @@ def test_verify_in_every_form(driver: str, root: Path, tmp_path: Path) -> None:
     done = foresee(*command, "--format", "sarif", "--output", tmp_path / "s.sarif", expect=None)
     assert (driver == "pdm") == (done.exit_code == 0), done.output
     tree = junit((tmp_path / "j.xml").read_text(), root)
+    assert all(float(case.get("time")) > 0 for case in tree.iter("testcase"))
     log = json.loads((tmp_path / "s.sarif").read_text())
     jsonschema.Draft7Validator(sarif_schema()).validate(log)
     results = log["runs"][0]["results"]

@@ -18,6 +18,7 @@ from foresee_dsl.errors import Diagnostic
 GOLDENS = Path(__file__).parents[1] / "cases" / "language" / "errors"
 
 NOTHING_TO_WRITE = {
+    ("actors_like_junctions", "FS251"): "the new name is for the author",
     ("nothing_defined", "FS014"): "what the file is to define is for its author",
     ("other_languages", "`else` is a word"): "the condition before it is broken too, so its opposite would be",
     (

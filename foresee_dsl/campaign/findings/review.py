@@ -14,6 +14,7 @@ from foresee_dsl.campaign.records import ChildOutcome, WrittenFinding
 from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.campaign.written import WrittenCampaign
 from foresee_dsl.documents import or_null, where_set
+from foresee_dsl.drivers.consent import is_program
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -90,8 +91,9 @@ class Review:
         next_steps = [("watch it", f"foresee show {file}"), ("drive it", f"foresee run {file}{driver}{seed}")]
         if self.finding.clip is not None:
             out = f" --campaign {shlex.quote(str(folder))}" if folder != Path("out") else ""
-            next_steps.append(("check that it still fails", f"foresee verify {file}"))
-            next_steps.append(("see how sure it is", f"foresee sure {name}{out}"))
+            consent = " --run-programs" if is_program(settings.driver) else ""
+            next_steps.append(("check that it still fails", f"foresee verify {file}{consent}"))
+            next_steps.append(("see how sure it is", f"foresee sure {name}{out}{consent}"))
             next_steps.append(("get it unreduced", f"foresee minimise {name}{out} --full --out unreduced"))
         return tuple(next_steps)
 

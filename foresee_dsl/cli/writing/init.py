@@ -199,7 +199,7 @@ def _next_commands(folder: Path, kind: DriverKind | None) -> str:
             ("foresee campaign campaign.foresee --run-programs", f"{_CAMPAIGN_OF_PROGRAM_TAKES}: finds failures"),
         ]
     if folder != Path():
-        commands.insert(0, (f"cd {folder}", ""))
+        commands.insert(0, (f"cd {shlex.quote(str(folder))}", ""))
     commands.append((git, ""))
     return "\nNext:\n" + "\n".join(f"  {command}{f'  # {why}' if why else ''}" for command, why in commands)
 

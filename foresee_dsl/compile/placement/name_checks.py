@@ -73,6 +73,8 @@ class NameChecks:
             other = word_of(part.left.other)
             if part.left.what == "eta" or other not in self._actors:
                 yield from self._junction("", kind, other, (part.left.kind, "other"))
+            else:
+                yield from self._one_meaning(kind, other)
         elif isinstance(part, m.InJunction | m.RunsRed | m.YieldsAt | m.YieldsAtCrossing) and part.junction is not None:
             yield from self._junction("", kind, word_of(part.junction), (part.kind, "junction"))
         elif isinstance(part, m.InLane):
@@ -105,6 +107,7 @@ class NameChecks:
     def _within(self, kind: str, part: m.Within) -> Iterator[Problem]:
         if isinstance(part.of, m.Named):
             name = word_of(part.of.name)
+            yield from self._one_meaning(kind, name)
             if name not in self._actors and not self._network.is_junction(name):
                 names = (*self._actors, *self._network.junctions, *self._network.rings)
                 message = f"there is no actor and no junction called {name}"
@@ -118,6 +121,12 @@ class NameChecks:
                 yield Problem("", kind, "FS252", err.message, err.help, part=part.of)
             else:
                 self.places[part.of] = (spot.x, spot.y)
+
+    def _one_meaning(self, kind: str, name: str) -> Iterator[Problem]:
+        """Yield a problem if both an actor and a junction have the name of a place in a condition."""
+        if name in self._actors and self._network.is_junction(name):
+            message = f"'{name}' is the name of an actor and of a junction"
+            yield Problem("", kind, "FS251", message, "give the actor another name", name)
 
     def _shows(self, kind: str, part: m.Shows, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         junction = word_of(part.junction)

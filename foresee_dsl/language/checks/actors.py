@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from foresee_dsl.errors import subject, with_article
 from foresee_dsl.helps import HelpText, in_block, one_of, remove, rename, write
@@ -45,8 +45,11 @@ def check_actors(collector: Collector, scenario: m.Scenario | m.Clip) -> None:
         _check_times(collector, actor)
         _check_recorded(collector, actor)
         _check_class(collector, actor, parameters, cases)
-        _check_passes(collector, actor, parameters, cases, body)
-        _check_style(collector, actor)
+        if isinstance(actor, m.Ego):
+            _check_ego(collector, actor)
+        else:
+            _check_passes(collector, actor, parameters, cases, body)
+            _check_style(collector, actor)
     for group in groups:
         for k, model in enumerate(group.models):
             _known_class(collector, group, f"models.{k}", model)
@@ -131,29 +134,43 @@ def _check_deviation(collector: Collector, body: Sequence[m.Item], ego: m.Ego | 
             collector.add(measure, "", "FS042", "the ego has no recorded track from which it could deviate", help)
 
 
+_DRIVERS: Mapping[type[m.Item], str] = {
+    m.Brakes: "when it brakes",
+    m.IgnoresRule: "which rules it keeps",
+    m.Line: "where in its lane it drives",
+    m.MeetsState: "how fast it drives",
+    m.PassesInLane: "where in its lane it drives",
+    m.Steers: "how it steers",
+    m.Style: "how it drives",
+    m.Timing: "how fast it drives",
+}
+"""Statements that the ego cannot have, and what its driver decides instead."""
+
+
+def _check_ego(collector: Collector, ego: m.Ego) -> None:
+    """Report statements of the ego that would have no effect, because its driver drives it."""
+    for item in ego.body:
+        if why := _DRIVERS.get(type(item)):
+            words = item.pattern.partition("{")[0].strip()
+            message = f"the ego cannot have `{words}`, because its driver decides {why}"
+            collector.add(item, "", "FS042", message, "move it to another actor, or " + remove("remove it"))
+
+
 def _check_times(collector: Collector, actor: m.Ego | m.Actor) -> None:
-    """Report a `line` with times for an actor on a path, and `brakes` for the ego, because its driver decides when it
-    brakes."""
+    """Report a `line` with times for an actor on a path."""
     on_path = any(isinstance(item, m.AnyPath) for item in actor.body)
     for item in actor.body:
         if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
             message = f"'{actor.name}' follows a path, so its `line` cannot have times"
             collector.add(item, "", "FS042", message, "leave out " + write("from") + " and " + write("for"))
-        if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
-            message = "the ego cannot have `brakes`, because its driver decides when it brakes"
-            collector.add(item, "", "FS042", message, "move it to another actor, or " + remove("remove it"))
 
 
 def _check_style(collector: Collector, actor: m.Ego | m.Actor) -> None:
     """Report a style of an actor that SUMO does not drive along lanes."""
     for item in actor.all(m.Style):
-        if isinstance(actor, m.Ego):
-            message = "the ego cannot have a `style`: its driver drives it"
-        elif not any(isinstance(other, m.Route | m.EdgeRoute) for other in actor.body):
+        if not any(isinstance(other, m.Route | m.EdgeRoute) for other in actor.body):
             message = f"'{actor.name}' does not drive along a route, so it cannot have a `style`"
-        else:
-            continue
-        collector.add(item, "", "FS042", message, "move it to a vehicle on a route, or " + remove("remove it"))
+            collector.add(item, "", "FS042", message, "move it to a vehicle on a route, or " + remove("remove it"))
 
 
 def _check_passes(
@@ -169,10 +186,6 @@ def _check_passes(
     if statement is None:
         return
     passes = write("passes in lane")
-    if isinstance(actor, m.Ego):
-        message = "the ego cannot have `passes in lane`, because its driver steers"
-        collector.add(statement, "", "FS042", message, remove("remove it"))
-        return
     classes = {model.partition(".")[0] for _, _, model in _models(actor, parameters, cases)}
     if not classes <= set(_PASSING_CLASSES):
         message = f"'{actor.name}' is too wide to pass within a lane"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import assert_never
 
 from foresee_dsl.errors import Diagnostic, subject
@@ -76,6 +76,7 @@ def _check_scenario(collector: Collector, scenario: m.Scenario) -> None:
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
         collector.unique(named, what)
     collector.unique(scenario.all(m.Slippery), "slippery patches")
+    _check_signals(collector, scenario.all(m.SignalState))
     for block in scenario.all(m.Network):
         check_network(collector, block)
     check_parameters(collector, scenario)
@@ -101,6 +102,16 @@ def _check_expected(collector: Collector, model: m.Scenario | m.Clip | m.Mutant,
 # ---- clips ----------------------------------------------------------------------------------------------------------
 
 
+def _check_signals(collector: Collector, signals: Iterable[m.SignalState]) -> None:
+    """Report a second state of one junction's signal."""
+    stated: set[str] = set()
+    for signal in signals:
+        name = written(signal).split()[1]
+        if name in stated:
+            collector.add(signal, "", "FS047", f"the signal of '{name}' is stated twice", remove("keep one of the two"))
+        stated.add(name)
+
+
 def _check_clip(collector: Collector, clip: m.Clip) -> None:
     needed: tuple[tuple[type[m.Item], str, str], ...] = (
         (m.Window, "window", "window 12.40 s..22.40 s"),
@@ -123,6 +134,7 @@ def _check_clip(collector: Collector, clip: m.Clip) -> None:
                 help = "in a clip every actor has a state: " + write("at (1 m, 2 m) heading 90 deg speed 8 m/s")
                 collector.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
     collector.unique(clip.all(m.Slippery), "slippery patches")
+    _check_signals(collector, clip.all(m.SignalState))
     check_actors(collector, clip)
 
 
@@ -253,6 +265,7 @@ def check_network(collector: Collector, network: m.Network) -> None:
     collector.unique((item for item in network.body if isinstance(item, NamedJunction)), "junctions")
     collector.unique((item for item in network.body if isinstance(item, m.Road | Ramp)), "roads")
     collector.unique(network.all(m.Building), "buildings")
+    collector.unique(network.all(m.BusStop), "stops")
     names = [item.name for item in network.body if isinstance(item, m.Junction | m.Roundabout)]
     for road in roads:
         _check_road(collector, road, names, {r.name for r in roads})

@@ -238,6 +238,7 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
             place=_at_line(place_of(recheck.file), recheck.line),
             details=tuple(filter(None, (f"expected {recheck.was or 'not known'}", f"now {recheck.now}", recheck.note))),
             reproduce=shlex.join(("foresee", "verify", str(recheck.path), *(("--driver", driver) if driver else ()))),
+            time_s=recheck.run.duration_s if recheck.run is not None else 0.0,
         )
         for recheck in rechecks
     )

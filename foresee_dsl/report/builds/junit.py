@@ -56,5 +56,7 @@ def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[t
 
 def _class_name(suite: str) -> str:
     """Return a file as a dotted name; build servers turn the parts between dots into folders."""
-    parts = [part for part in PurePath(suite).with_suffix("").parts if part not in ("/", "..", ".")]
+    path = PurePath(suite)
+    parts = (path.with_suffix("") if path.name else path).parts  # a suite can be `.`, which has no suffix
+    parts = tuple(part for part in parts if part not in ("/", "..", "."))
     return ".".join(part.replace(".", "_") for part in parts) or "foresee"
