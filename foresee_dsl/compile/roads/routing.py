@@ -117,7 +117,12 @@ def check_edge(network: Topology, edge: str) -> None:
         RouteError: it does not.
     """
     if not network.pieces(edge):
-        raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, _named(network)))
+        help = did_you_mean(edge, _named(network))
+        if network.is_junction(edge):
+            touching = (e.id.partition("#")[0] for e in network.edges.values() if edge in (e.start, e.end))
+            names = [name for name in dict.fromkeys(touching) if network.pieces(name)]
+            help = "that is a junction: name an edge that touches it, " + one_of(names, " or ") if names else help
+        raise RouteError(f"there is no edge called {edge}", help)
 
 
 def check_junction(network: Topology, junction: str, behind: Sequence[str] = ()) -> None:
