@@ -121,7 +121,8 @@ def check_edge(network: Topology, edge: str) -> None:
         if network.is_junction(edge):
             touching = (e.id.partition("#")[0] for e in network.edges.values() if edge in (e.start, e.end))
             names = [name for name in dict.fromkeys(touching) if network.pieces(name)]
-            help = "that is a junction: name an edge that touches it, " + one_of(names, " or ") if names else help
+            if names:
+                help = "that is a junction: write an edge that touches it, such as " + instead(names[0], edge)
         raise RouteError(f"there is no edge called {edge}", help)
 
 
