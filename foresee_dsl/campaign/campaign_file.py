@@ -17,16 +17,26 @@ from foresee_dsl.drivers.registry import DRIVERS, name_in
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import absolute
 from foresee_dsl.forecast.registry import RANKERS
+from foresee_dsl.helps import HelpText, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.project.addresses import SUFFIX, is_inside, kind_of, parse_address, project_folder
+from foresee_dsl.language.project.addresses import (
+    SUFFIX,
+    is_folder,
+    is_inside,
+    kind_of,
+    parse_address,
+    project_folder,
+    scenario_files,
+)
 from foresee_dsl.language.project.loading import Project, load_test_cases
 
 NOBODY = "none"
 """The word in a campaign's file that means no reference driver."""
 _PATTERN = frozenset("*?[")
+_BEGIN = "paths begin at this file's own folder"
 
 
 @dataclass(frozen=True)
@@ -86,14 +96,16 @@ def mistakes_of(document: Document, *, allow_outside: bool = False, with_goal: b
     """Return an error for each missing driver, ranker, preset, test case and folder that a campaign's file names.
 
     What lies outside its project folder is an error too, unless `allow_outside`; its folders are not even read.
-    `with_goal`: also for a goal that no test case has, for which all test cases are loaded (2 s for 120).
+    `with_goal`: also for a goal that no test case has, for which all test cases are loaded (2 s for 120), and for a
+    driver that is its own reference; both depend on statements that options of a command replace.
     """
     if not isinstance(document.model, m.Campaign):
         return ()
     mistakes = tuple(_mistakes(document, document.model, allow_outside=allow_outside))
     if mistakes or not with_goal:
         return mistakes
-    return tuple(_mistakes_of_goal(document, document.model, allow_outside=allow_outside))
+    goal = _mistakes_of_goal(document, document.model, allow_outside=allow_outside)
+    return (*_mistakes_of_references(document, document.model), *goal)
 
 
 def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) -> Iterator[Diagnostic]:
@@ -118,8 +130,9 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
             help_ = "move the files there, or allow it with `--allow-outside`"
             yield document.diagnostic(item, "path", "FS138", message, help_)
         elif isinstance(item, m.Seeds) and not _paths(item, folder):
-            message, help_ = f"no scenario matches '{item.path}'", "paths begin at this file's own folder"
-            yield document.diagnostic(item, "path", "FS059", message, help_)
+            yield document.diagnostic(item, "path", "FS059", f"no scenario matches '{item.path}'", _BEGIN)
+        elif isinstance(item, m.Seeds) and (wrong := _wrong_seeds(item, folder, allow_outside=allow_outside)):
+            yield document.diagnostic(item, "path", "FS059", *wrong)
         elif isinstance(item, m.FirstFrom) and not os.path.isdir(folder / item.path):  # noqa: PTH112 - see is_campaign
             message = f"there is no folder '{item.path}'"
             help_ = "name the folder of a campaign, or of kept failures; paths begin at this file's own folder"
@@ -139,6 +152,46 @@ def _mistakes_of_goal(document: Document, campaign: m.Campaign, *, allow_outside
         return
     if (problem := problem_with(cases, goal.name)) is not None:
         yield document.diagnostic(goal, "name", "FS058", *problem)
+
+
+def _mistakes_of_references(document: Document, campaign: m.Campaign) -> Iterator[Diagnostic]:
+    """Yield the error of a campaign of one driver whose only reference driver is that driver."""
+    drivers = {name for item in campaign.all(m.Drivers) for name in item.names}
+    for item in campaign.all(m.Against):
+        if len(drivers) == 1 and set(item.names) == drivers:
+            message = f"{item.names[0]} is the driver under test, which cannot be its own reference"
+            yield document.diagnostic(item, "names.0", "FS058", message, "name another, or " + write(NOBODY))
+
+
+def _wrong_seeds(item: m.Seeds, folder: Path, *, allow_outside: bool) -> tuple[str, HelpText] | None:
+    """Return the message and the help for a `seeds` line whose file or folder holds no such test case.
+
+    A file that has errors of its own is not at fault here: a check of that file, or the run, reports them.
+    """
+    written, case = parse_address(item.path)
+    file = folder / written
+    if _PATTERN & set(item.path):
+        return None  # only scenarios match
+    if is_folder(file):
+        scenarios = any(kind_of(path) in ("scenario", "") for path in scenario_files([file]))
+        return None if scenarios else (f"there is no scenario in folder '{item.path}'", _BEGIN)
+    kind = kind_of(file)
+    if kind in ("network", "models", "campaign"):
+        holds = kind if kind == "models" else f"a {kind}"
+        return f"'{written}' holds {holds}, not a test case", "name a scenario, or a folder or pattern of scenarios"
+    names = _cases(file, allow_outside=allow_outside) if case is not None and kind == "scenario" else None
+    if case is None or names is None or case in names:
+        return None
+    return f"'{written}' has no case '{case}'", did_you_mean(case, names) or "it has no cases: leave out the case"
+
+
+def _cases(file: Path, *, allow_outside: bool) -> tuple[str, ...] | None:
+    """Return the names of a scenario's cases; None if its file has errors."""
+    try:
+        scenario = Project(allow_outside=allow_outside).whole_scenario(file)
+    except InputError:
+        return None
+    return tuple(case.name for case in scenario.all(m.Case))
 
 
 def _leads_outside(path: str, folder: Path) -> bool:

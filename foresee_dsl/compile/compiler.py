@@ -12,6 +12,7 @@ from typing import TypeVar
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Signal, SlipperyPatch, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
+from foresee_dsl.compile.nets.misfits import MisfitError, located
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.compile.roads.polyline import XY
@@ -30,7 +31,7 @@ _Key = TypeVar("_Key")
 
 def compile_case(case: TestCase) -> SumoBundle:
     """Compile a test case; see `foresee_dsl.compile.compile_test_case`."""
-    net_file = _net_of(case.network)
+    net_file = _net_of(case.network, case.streets)
     builder, specs = _builder(case, net_file)
     try:
         scene = builder.build()
@@ -58,7 +59,7 @@ def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
     Raises:
         InputError: a statement is impossible on the network.
     """
-    net_file = _net_of(case.network)
+    net_file = _net_of(case.network, case.streets)
     try:
         _builder(case, net_file)[0].place()
     except PlacementError as err:
@@ -96,9 +97,9 @@ def sketch_case(case: TestCase) -> Sketch:
     """Return a test case whose actors are placed as far as possible.
 
     Raises:
-        CompileError: its network cannot be built.
+        InputError: a statement of its network contradicts the roads. CompileError: its network cannot be built.
     """
-    net_file = _net_of(case.network)
+    net_file = _net_of(case.network, case.streets)
     network, signals = _read(net_file, case.network)
     builder, _ = _builder(case, net_file)
     placed, start_s, goal_s, problems = builder.attempt()
@@ -107,20 +108,20 @@ def sketch_case(case: TestCase) -> Sketch:
     return Sketch(network, signals, actors, start_s, goal_s, builder.places, problems, mistakes, builder.slippery)
 
 
-def network_of(network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
-    """Build a network, and return it with its signals.
+def network_of(network: Network | Path, document: Document | None = None) -> tuple[RoadNetwork, Mapping[str, Signal]]:
+    """Build a network, and return it with its signals; `document` is the file that holds it.
 
     Raises:
-        CompileError: the network cannot be built.
+        InputError: a statement contradicts the network's roads. CompileError: the network cannot be built.
     """
-    return _read(_net_of(network), network)
+    return _read(_net_of(network, document), network)
 
 
 def warnings_of(case: TestCase) -> tuple[Diagnostic, ...]:
     """Return warnings on what is permitted on the network but probably not intended; none for a case with errors."""
     try:
-        problems = _builder(case, _net_of(case.network))[0].warnings()
-    except PlacementError:
+        problems = _builder(case, _net_of(case.network, case.streets))[0].warnings()
+    except (PlacementError, InputError):
         return ()
     return _diagnostics(case, problems)
 
@@ -150,13 +151,16 @@ _MOST_CACHED = 8
 _BUILT: dict[int, tuple[Network, Path]] = {}
 """Net files by the id of their network object, which children share with their parent. The object is kept in the value,
 so that Python does not reuse its id."""
+_REFUSED: dict[int, tuple[Network, MisfitError]] = {}
+"""Networks with mistakes, by their id: each is built only once, however many test cases use it."""
 _SPECS: dict[int, tuple[Mapping[str, m.VehicleModel], Mapping[str, ModelSpec]]] = {}
 """Catalogues with all values filled in, by the id of their models object, which is kept for the same reason."""
 _READ: dict[str, tuple[RoadNetwork, Mapping[str, Signal]]] = {}
 """Networks and signals by the path of their net file, whose folder is named by the hash of its content."""
 
 
-def _net_of(network: Network | Path) -> Path:
+def _net_of(network: Network | Path, document: Document | None) -> Path:
+    """Return the net file of a network; the mistakes in its statements are placed in `document`."""
     if isinstance(network, Path):
         # imported here: it needs an XML parser, which the check of a written network does not
         from foresee_dsl.compile.foreign.networks import foreign_net
@@ -164,7 +168,14 @@ def _net_of(network: Network | Path) -> Path:
         return foreign_net(network)
     cached = _BUILT.get(id(network))
     if cached is None or cached[0] is not network or not cached[1].exists():
-        net = cached_net(("network", network.model_dump_json()), lambda out: _build(network, out))
+        refused = _REFUSED.get(id(network))
+        if refused is not None and refused[0] is network:
+            raise located(refused[1], network, document)
+        try:
+            net = cached_net(("network", network.model_dump_json()), lambda out: _build(network, out))
+        except MisfitError as err:
+            _remember(_REFUSED, id(network), (network, err))
+            raise located(err, network, document) from err
         cached = _remember(_BUILT, id(network), (network, net))
     return cached[1]
 

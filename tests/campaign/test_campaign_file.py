@@ -73,6 +73,17 @@ def test_rules_and_a_folder_of_failures_whose_path_begins_at_the_file(project: P
     assert "has no failing mutants: name the folder of a campaign, or of kept failures" in " ".join(said.split())
 
 
+def test_a_driver_that_is_its_own_reference(project: Path) -> None:
+    """A check says so; a run may still have other drivers, from its options."""
+    file = written(project, NIGHTLY.replace("drivers [idm]", "drivers [idm]\n  against [idm]"))
+    shown = " ".join(foresee("check", file, expect=1).split())
+    assert "error FS058: idm is the driver under test" in shown and "| against [idm]" in shown
+    assert "name another, or `none`" in shown
+    assert read_campaign(file).against == ("idm",)
+    for line in ("drivers [idm, pdm]\n  against [idm]", "drivers [idm]\n  against [idm, pdm]", "against [idm]"):
+        foresee("check", written(project, NIGHTLY.replace("drivers [idm]", line)))
+
+
 def test_addresses_and_several_lines(project: Path) -> None:
     (scenario,) = (p for p in project.rglob("*.foresee"))
     name = scenario.relative_to(project).as_posix()
@@ -90,6 +101,10 @@ def test_addresses_and_several_lines(project: Path) -> None:
         ("drivers [idm]", "preset focussed", "FS058", "did you mean 'focused'?"),
         ("drivers [idm]", "drivers [idm, idm]", "FS013", "keep one"),
         ('seeds "**"', 'seeds "none/**"', "FS059", "begin at this file's own folder"),
+        ('seeds "**"', 'seeds "crosser.foresee::latter"', "FS059", "did you mean 'later'?"),
+        ('seeds "**"', 'seeds "streets.foresee"', "FS059", "name a scenario"),
+        ('seeds "**"', 'seeds "nightly.foresee"', "FS059", "name a scenario"),
+        ('seeds "**"', 'seeds "empty"', "FS059", "begin at this file's own folder"),
         ('seeds "**"', "repeat 2", "FS057", "name the test cases to run"),
         ("children 1", "children 1\n  children 2", "FS047", ""),
         ("budget 10 min", "budget 10 m", "FS010", "a time"),
@@ -99,6 +114,8 @@ def test_addresses_and_several_lines(project: Path) -> None:
     ],
 )
 def test_mistakes_are_shown_where_they_are(project: Path, line: str, instead: str, code: str, words: str) -> None:
+    (project / "empty").mkdir()
+    (project / "streets.foresee").write_text("foresee 1\n\nnetwork streets {\n}\n")
     file = written(project, NIGHTLY.replace(line, instead))
     try:
         read_campaign(file)

@@ -65,8 +65,9 @@ def with_building(*corners):
 @pytest.mark.parametrize(
     ("corners", "words"),
     [
-        (((20, -3), (40, -3), (40, 20)), "building bank stands on east"),
-        (((20, 20), (40, 40), (40, 20), (20, 40)), "the outline of building bank crosses itself"),
+        (((20, -3), (40, -3), (40, 20)), "building 'bank' stands on road 'east', at"),
+        (((-3, -3), (3, -3), (3, 3), (-3, 3)), "building 'bank' stands on junction 'j4', at"),
+        (((20, 20), (40, 40), (40, 20), (20, 40)), "the outline of building 'bank' crosses or touches itself"),
     ],
 )
 def test_a_building_on_the_road_is_refused(tmp_path, corners, words):

@@ -9,15 +9,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 from foresee_dsl.compile.nets import signals
+from foresee_dsl.compile.nets.misfits import Misfit, MisfitError
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
 from foresee_dsl.compile.nets.plain_edges import CORNER_RADIUS_M, Plain, PlainNode, plain_of
-from foresee_dsl.compile.roads.topology import Movement, Topology
+from foresee_dsl.compile.roads.topology import Lane, Movement, Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
+from foresee_dsl.helps import HelpText, one_of, remove, write
 from foresee_dsl.language.model import BannedTurn, Building, Junction, LaneTurns, Network, Ref, Road, Roundabout, Turn
 from foresee_dsl.language.streets.layout import BACK, directed, lanes_of
 from foresee_dsl.language.streets.lines import number, xy
+from foresee_dsl.language.streets.outlines import fault_of
 from foresee_dsl.language.traversal import walk
 
 
@@ -34,7 +37,7 @@ def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[TurnC
     """Return the connections that remain for all edges with a forbidden turn; netconvert chooses their lanes again.
 
     Raises:
-        CompileError: a forbidden turn does not exist, or an edge has no other turn.
+        MisfitError: a forbidden turn does not exist, or an edge has no other turn.
     """
     forbidden: dict[str, dict[Turn, BannedTurn]] = {}
     for item in network.body:
@@ -42,23 +45,23 @@ def without_banned(network: Network, plain: Plain, net: Topology) -> tuple[TurnC
             for road in item.roads:
                 into = next((e.id for e in plain.edges if e.road == road and e.end == item.junction), None)
                 if into is None:
-                    raise CompileError(
-                        f"road {road} does not lead to {item.junction}: no turn from it can be forbidden"
-                    )
+                    message = f"no vehicle comes from '{road}' to '{item.junction}'"
+                    field = f"roads.{item.roads.index(road)}"
+                    raise MisfitError([Misfit(item, field, message, remove("leave it out"))])
                 forbidden.setdefault(into, {})[item.turn] = item
     connections: list[TurnConnection] = []
     for edge, rules in forbidden.items():
         ways = _ways(net, edge)
         for turn, item in rules.items():
             if turn not in ways.values() and turn != "back":
-                turns = ", ".join(dict.fromkeys(ways.values()))
-                message = (
-                    f"forbid {turn} over {item.junction}: from {edge} vehicles can only go {turns or 'nowhere'} there"
-                )
-                raise CompileError(message)
+                turns = one_of(dict.fromkeys(ways.values()), " or ")
+                message = f"no way leads {turn} from '{edge}' over '{item.junction}' anyway"
+                help = ("from there, ways lead " + turns if ways else "no way leads on from there") + ": "
+                raise MisfitError([Misfit(item, "turn", message, help + remove("remove this turn"))])
         left = [target for target, turn in ways.items() if turn not in rules]
         if not left:
-            raise CompileError(f"the `forbid` rules leave no way on from {edge} over {net.edges[edge].end}")
+            message = f"this bans the last way from '{edge}' over '{net.edges[edge].end}'"
+            raise MisfitError([Misfit([*rules.values()][-1], "turn", message, remove("remove it"))])
         connections += [TurnConnection(edge, target) for target in left]
     return tuple(connections)
 
@@ -72,14 +75,15 @@ def by_lane(
     turn.
 
     Raises:
-        CompileError: a turn, lane or edge of a rule does not exist.
+        MisfitError: a turn, lane or edge of a rule does not exist.
     """
     rules: dict[str, dict[int, LaneTurns]] = {}
     for item in network.body:
         if isinstance(item, LaneTurns):
             pieces = [e.id for e in plain.edges if e.id == item.edge or e.id.startswith(f"{item.edge}#")]
             if not pieces:
-                raise CompileError(f"there is no edge {item.edge} for the rule of its lane {number(item.lane):g}")
+                message = f"there is no edge called {item.edge}"
+                raise MisfitError([Misfit(item, "edge", message, remove("remove the rule"))])
             rules.setdefault(pieces[-1], {})[round(number(item.lane))] = item
     connections = [connection for connection in left if connection.start not in rules] if rules else []
     for edge, of_lanes in rules.items():
@@ -99,15 +103,15 @@ def _of_edge(net: Topology, edge: str, rules: dict[int, LaneTurns]) -> list[Turn
     ]
     for number_, item in sorted(rules.items()):
         if number_ > len(cars):
-            raise CompileError(f"{edge} has {len(cars)} lanes for cars at its end, so no lane {number_}")
-        for turn in item.turns:
+            message = f"'{item.edge}' has {len(cars)} lanes for cars at its end, so no lane {number_}"
+            raise MisfitError([Misfit(item, "lane", message, "lanes are counted from the right, from " + write("1"))])
+        for k, turn in enumerate(item.turns):
             targets = [target for target, way in ways.items() if way == turn]
             if not targets:
-                turns = ", ".join(dict.fromkeys(ways.values()))
-                raise CompileError(
-                    f"lane {number_} of {edge} cannot go {turn} over {net.edges[edge].end}: vehicles can only go "
-                    f"{turns or 'nowhere'} there"
-                )
+                turns = one_of(dict.fromkeys(ways.values()), " or ")
+                message = f"no way leads {turn} from '{item.edge}' over '{net.edges[edge].end}'"
+                help: HelpText = "from there, ways lead " + turns if ways else remove("remove the rule")
+                raise MisfitError([Misfit(item, f"turns.{k}", message, help)])
             for target in targets:
                 wanted.setdefault(target, []).append(cars[number_ - 1].index)
     for target, from_lanes in wanted.items():
@@ -269,30 +273,46 @@ def _check_names(network: Network) -> None:
     for way in directed(network):
         for start, (x, y) in itertools.pairwise(way.line):
             if start == (x, y) and (way.cuts or number(way.road.median)):
-                raise CompileError(f"a road has the point ({x:g} m, {y:g} m) twice in a row")
+                message = f"road '{way.road.name}' has the point ({x:g} m, {y:g} m) twice in a row"
+                raise MisfitError([Misfit(way.road, "name", message, "leave out one of the two points")])
 
 
 def _check_buildings(network: Network, topology: Topology) -> None:
     """Check that no building stands on a lane: actors would drive through it and see nothing inside.
 
     Raises:
-        CompileError: a building stands on a lane, or its outline crosses itself.
+        MisfitError: a building stands on a lane, or its outline crosses itself.
     """
-    buildings = {item.name: [xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
+    buildings = [item for item in network.body if isinstance(item, Building)]
     if not buildings:
         return
     import shapely
 
-    bands = {
-        lane.id: shapely.LineString(lane.shape).buffer(lane.width_m / 2, cap_style="flat")
+    bands = [
+        (lane, shapely.LineString(lane.shape).buffer(lane.width_m / 2, cap_style="flat"))
         for lane in topology.lanes.values()
         if (lane.kinds or lane.parking) and lane.edge not in topology.walking_areas
-    }
-    for name, outline in buildings.items():
-        shape = shapely.Polygon(outline)
+    ]
+    misfits: list[Misfit] = []
+    for building in buildings:
+        shape = shapely.Polygon([xy(p) for p in building.outline])
         if not shape.is_valid:
-            raise CompileError(f"the outline of building {name} crosses itself")
-        for lane, band in bands.items():
-            if shape.intersects(band):
-                at = shapely.intersection(shape, band).centroid
-                raise CompileError(f"building {name} stands on {lane}, at ({at.x:.0f} m, {at.y:.0f} m)")
+            misfits.append(Misfit(building, "outline", *fault_of(building.name, crosses=True)))
+            continue
+        shared = ((shapely.intersection(shape, band), lane) for lane, band in bands if shape.intersects(band))
+        most = max(shared, key=lambda pair: pair[0].area, default=None)
+        if most is not None:
+            at = most[0].centroid
+            place = f"at ({round(at.x)} m, {round(at.y)} m)"
+            message = f"building '{building.name}' stands on {_called(most[1])}, {place}"
+            help = "move it off the lanes and the sidewalk, or " + remove("remove it")
+            misfits.append(Misfit(building, "outline", message, help))
+    if misfits:
+        raise MisfitError(misfits)
+
+
+def _called(lane: Lane) -> str:
+    """Return what a lane belongs to, in the words of the network's file: `road 'west'` or `junction 'm'`."""
+    if lane.internal:
+        return f"junction '{lane.edge.removeprefix(':').rpartition('_')[0]}'"
+    return f"road '{lane.edge.partition('#')[0].removesuffix(BACK)}'"

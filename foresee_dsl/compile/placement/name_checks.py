@@ -268,9 +268,13 @@ class NameChecks:
             return
         if actor.model.kind not in WHEELS:
             yield Problem("", kind, "FS257", f"{actor.id} cannot join the traffic", "leave out " + write("then joins"))
-        elif end is not None:
+        else:
+            kind_of_lane = lane_kind(actor.model)
             try:
-                joined_way(self._network, action.edges, end, lane_kind(actor.model))
+                if end is not None:
+                    joined_way(self._network, action.edges, end, kind_of_lane)
+                else:  # where the path ends depends on the run, but not whether its edges exist and lead on
+                    self._network.route_edges(m.EdgeRoute(edges=action.edges, shortest=True), kind_of_lane)
             except RouteError as err:
                 yield Problem("", kind, "FS250", err.message, err.help, action.actor)
 

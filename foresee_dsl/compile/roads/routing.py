@@ -117,7 +117,13 @@ def check_edge(network: Topology, edge: str) -> None:
         RouteError: it does not.
     """
     if not network.pieces(edge):
-        raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, _named(network)))
+        help = did_you_mean(edge, _named(network))
+        if network.is_junction(edge):
+            touching = (e.id.partition("#")[0] for e in network.edges.values() if edge in (e.start, e.end))
+            names = [name for name in dict.fromkeys(touching) if network.pieces(name)]
+            if names:
+                help = "that is a junction: write an edge that touches it, such as " + instead(names[0], edge)
+        raise RouteError(f"there is no edge called {edge}", help)
 
 
 def check_junction(network: Topology, junction: str, behind: Sequence[str] = ()) -> None:

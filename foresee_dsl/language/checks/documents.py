@@ -17,6 +17,8 @@ from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model_classes import CLASSES
 from foresee_dsl.language.printer import value_text, written
+from foresee_dsl.language.streets.lines import xy
+from foresee_dsl.language.streets.outlines import crosses_itself, fault_of, is_flat
 
 
 def check_document(document: Document) -> tuple[Diagnostic, ...]:
@@ -271,6 +273,8 @@ def check_network(collector: Collector, network: m.Network) -> None:
         _check_road(collector, road, names, {r.name for r in roads})
     for junction in junctions:
         _check_junction(collector, junction, network)
+    for building in network.all(m.Building):
+        _check_building(collector, building)
     if not roads:
         start, end, *_ = *(item.name for item in network.all(m.Junction)), "a", "b"
         help = "add " + write(f"road main from {start} to {end}")
@@ -293,6 +297,17 @@ def _check_road(collector: Collector, road: m.Road, junctions: Sequence[str], ro
         other = road.name.removesuffix("_back")
         message = f"'{road.name}' is also the other direction of road '{other}'"
         collector.add(road, "name", "FS030", message, rename("give it another name"))
+
+
+def _check_building(collector: Collector, building: m.Building) -> None:
+    """Report an outline that has no area or crosses itself; one with calculations is checked when it is built."""
+    if not all(isinstance(value, m.Quantity) for point in building.outline for value in (point.x, point.y)):
+        return
+    outline = [xy(point) for point in building.outline]
+    flat = is_flat(outline)
+    if flat or crosses_itself(outline):
+        message, help = fault_of(building.name, crosses=not flat)
+        collector.add(building, "outline", "FS270", message, help)
 
 
 def _check_junction(collector: Collector, junction: m.Junction, network: m.Network) -> None:

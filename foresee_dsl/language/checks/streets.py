@@ -333,6 +333,10 @@ class Streets:
                 turns[other.id] = "straight" if abs(off) <= STRAIGHT_RAD else ("left" if off > 0 else "right")
         return turns
 
+    def _round(self, edge: Directed) -> set[m.Turn]:
+        """Return the way on from an edge that ends where no other road begins: back along its own road, if at all."""
+        return {"back"} if any(other.start == edge.end for other in self._edges.values()) else set()
+
     def _forbidden_ways(self) -> None:
         """Report the rule that bans the last way on from a road."""
         left: dict[str, set[m.Turn]] = {}
@@ -344,14 +348,17 @@ class Streets:
                 leaves = any(isinstance(r, m.OnRamp) and r.junction == item.junction for r in self._network.body)
                 if edge is None or leaves:
                     continue
-                ways = left.setdefault(edge.id, set(self._exits(edge).values()))
+                ways = left.setdefault(edge.id, set(self._exits(edge).values()) or self._round(edge))
                 if ways and not ways - {item.turn}:
                     message = f"this bans the last way from '{road}' over '{item.junction}'"
-                    help = remove("remove it") + f", so that {item.turn} stays allowed, or make '{road}' one-way"
+                    help: HelpText = (
+                        remove("remove it") + f", so that {item.turn} stays allowed, or make '{road}' one-way"
+                    )
                     self._collector.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"no way leads {item.turn} from '{road}' over '{item.junction}' anyway"
                     help = "from there, ways lead " + one_of(sorted(ways), " or ")
+                    help = "vehicles can only turn round there: " + remove("remove it") if ways == {"back"} else help
                     self._collector.add(item, "turn", "FS270", message, help)
                 ways.discard(item.turn)
 

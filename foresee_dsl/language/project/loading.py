@@ -326,7 +326,7 @@ class Project:
             help = "write " + write(written) + ", for example; " + did_you_mean("", names)
             _fail_case(file, use, "FS103", message, help)
         concrete = concretise(scenario, case, document=file.document)
-        network = self._network(file, concrete, chain)
+        network, streets = self._network(file, concrete, chain)
         models = self._models(file, concrete, chain)
         tracks = self._tracks(file, concrete, chain)
         check_models(concrete, models, file.document, case)
@@ -338,6 +338,7 @@ class Project:
             meaning=meaning_hash(concrete, network, models, tracks),
             source=file.path,
             document=file.document,
+            streets=streets,
             tracks=tracks,
         )
 
@@ -352,10 +353,13 @@ class Project:
             use.fail("FS135", message, help, field="pin")
         return parent
 
-    def _network(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> m.Network | Path:
+    def _network(
+        self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]
+    ) -> tuple[m.Network | Path, Document | None]:
+        """Return a scenario's network, and the file that holds it unless it is a foreign one."""
         inline, used = scenario.first(m.Network), scenario.first(m.UseNetwork)
         if inline is not None:
-            return inline
+            return inline, file.document
         if used is None:
             help = "write " + write('use network "file"') + ", or a block `network { ... }`"
             message = f"scenario '{scenario.name}' has no network"
@@ -365,17 +369,17 @@ class Project:
             self._check_reachable(use, chain)
             if not os.access(use.path, os.R_OK):
                 use.fail("FS130", f"'{used.path}' cannot be read", "check its permissions")
-            return use.path
-        model = self._used_model(use, chain)
+            return use.path, None
+        model, document = self._used_model(use, chain)
         if not isinstance(model, m.Network):
             use.fail("FS132", f"'{used.path}' holds {_a(model)}, not a network", _name_another(use, "network"))
-        return model
+        return model, document
 
     def _models(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> dict[str, m.VehicleModel]:
         models = bundled_models()
         for item in scenario.all(m.UseModels):
             use = _Use(file, item, "path", item.path)
-            model = self._used_model(use, chain)
+            model, _ = self._used_model(use, chain)
             if not isinstance(model, m.Catalogue):
                 use.fail("FS132", f"'{item.path}' holds {_a(model)}, not models", _name_another(use, "models"))
             models |= entries(model)
@@ -401,7 +405,7 @@ class Project:
             use.fail("FS136", message, help_, field="pin")
         return use.path
 
-    def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> m.Item:
+    def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> tuple[m.Item, Document]:
         _check_cycle(use, chain)
         if not use.written.endswith(".foresee"):
             network = isinstance(use.item, m.UseNetwork)
@@ -409,7 +413,8 @@ class Project:
             help = f"name a file that ends in {suffixes}; " + _name_another(use, "network" if network else "models")
             use.fail("FS137", f"'{use.written}' is a file of an unknown kind", help)
         self._check_reachable(use, chain)
-        return _settled(self._read(use.path, use.display_path).document)
+        document = self._read(use.path, use.display_path).document
+        return _settled(document), document
 
 
 def _settled(document: Document) -> m.Definition:

@@ -127,7 +127,7 @@ def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), ch
 
 
 def _network_alone(name: str, about: str, model: m.Network | Path, document: Document | None) -> SceneSubject:
-    network, signals = network_of(model)
+    network, signals = network_of(model, document)
     places: dict[str, TextPlace | None] = {}
     if document is not None and isinstance(model, m.Network):
         items = (item for item in model.body if isinstance(item, m.Junction | m.Road))
