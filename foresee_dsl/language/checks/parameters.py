@@ -297,14 +297,14 @@ def _check_compared(
     collector: Collector, part: m.Comparison, left: m.Ref, right: m.Quantity | m.Ref, parameters: dict[str, m.Param]
 ) -> bool:
     sides = [(field, side.name) for field, side in (("left", left), ("right", right)) if isinstance(side, m.Ref)]
-    if any(name not in parameters for _, name in sides):
-        return False
-    for field, name in sides:
-        if parameters[name].dimension is None:
+    for _, name in sides:
+        if name in parameters and parameters[name].dimension is None:
             help = "write " + write(f"{name} is {value_text(parameters[name].default)}")
             message = f"'{name}' is a word, which cannot be less or more than another"
-            collector.add(part, field, "FS032", message, help)
+            collector.add(part, "", "FS032", message, help)
             return False
+    if any(name not in parameters for _, name in sides):
+        return False  # `check_values` reports it
     needed, *others = [d for _, name in sides if (d := parameters[name].dimension) is not None]
     if isinstance(right, m.Quantity):
         if right.dimension != needed and not (needed == "count" and not right.unit):
