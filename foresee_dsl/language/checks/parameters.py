@@ -132,8 +132,18 @@ def _check_parameter(collector: Collector, parameter: m.Param) -> None:
             sound = False
     for k, option in enumerate(parameter.options or ()):
         sound &= _check_type(collector, parameter, parameter, f"options.{k}", option)
+        if any(_same_option(option, other) for other in (parameter.options or ())[:k]):
+            twice = f"the option `{value_text(option)}` is listed twice"
+            collector.add(parameter, f"options.{k}", "FS013", twice, remove("keep one of the two"))
     if sound:
         _check_value(collector, parameter, parameter, "default", parameter.default)
+
+
+def _same_option(option: m.ParamValue, other: m.ParamValue) -> bool:
+    """Return whether two options are equal in every case; those that need other parameters may differ in some."""
+    if any(isinstance(value, m.Calculated) and any(references(value)) for value in (option, other)):
+        return False
+    return same_value(option, other)
 
 
 def _check_value(collector: Collector, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> None:
