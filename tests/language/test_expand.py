@@ -115,11 +115,16 @@ def test_an_incomplete_clip(kinds: tuple[type, ...], code: str, message: str) ->
     assert caught.value.diagnostics[0].path == "c.foresee"
 
 
-def test_a_window_that_ends_before_it_begins() -> None:
-    body = tuple(i if not isinstance(i, Window) else Window(start=q("9 s"), end=q("9 s")) for i in CLIP.body)
-    with pytest.raises(InputError, match="before it begins") as caught:
+@pytest.mark.parametrize(
+    ("end", "message", "help"),
+    [("8 s", "before it begins", "write the earlier time first"), ("9 s", "when it begins", "let it end later")],
+)
+def test_a_window_that_ends_too_early(end: str, message: str, help: str) -> None:
+    body = tuple(i if not isinstance(i, Window) else Window(start=q("9 s"), end=q(end)) for i in CLIP.body)
+    with pytest.raises(InputError, match=message) as caught:
         expand_clip(clip_of(PARENT.meaning, body=body), PARENT, source=Path("c.foresee"))
     assert caught.value.diagnostics[0].code == "FS039"
+    assert caught.value.diagnostics[0].help == help
 
 
 def test_a_parameter_in_a_clip() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -11,6 +13,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.model.scenario import FailureName
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.loading import load_test_case
 from tests.support.repin_project import Repository
@@ -66,6 +69,13 @@ def test_mistakes(tmp_path: Path, line: str, code: str) -> None:
     with pytest.raises(InputError) as error:
         load_test_case(f"{file}::after")
     assert [found.code for found in error.value.diagnostics] == [code]
+
+
+def test_the_help_for_an_unknown_failure_names_every_failure(tmp_path: Path) -> None:
+    file = with_line(write_project(tmp_path), "expected pdm fails F9")
+    with pytest.raises(InputError) as error:
+        load_test_case(f"{file}::after")
+    assert set(get_args(FailureName)) <= set(re.findall(r"\w+", error.value.diagnostics[0].help))
 
 
 def test_an_extension_has_its_own(tmp_path: Path) -> None:

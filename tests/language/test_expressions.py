@@ -278,6 +278,8 @@ def test_what_is_stated_by_expressions_is_written_as_it_was():
         ("param far: length = 2 * wdth", "FS031", "unknown parameter 'wdth'"),
         ("param far: time = gap + width", "FS062", "`gap` is a time, but `width` is a length"),
         ("param far: time = far * 2", "FS063", "'far' depends on itself: far -> far"),
+        ("param far: time = far", "FS063", "'far' depends on itself: far -> far"),
+        ("param far: time = 2 s in [2 s, far]", "FS063", "'far' depends on itself: far -> far"),
         ("param far: time = 1 s in 0 s..gap / (gap - 1.5 s)", "FS063", "divides by zero"),
         ("param far: speed = 2 * gap", "FS034", "`2 * gap` is a time, but a speed is needed here"),
         ("param far: time = 9 s in 0 s..2 * gap", "FS033", "`9 s` is outside the range of 'far', 0 s..2 * gap"),

@@ -20,7 +20,7 @@ from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import onward
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.compile.roads.walkways import walkways
-from foresee_dsl.language.model import Traffic
+from foresee_dsl.language.model import Traffic, name_in_traffic
 
 GAP_M = 12.0
 """Free road in front of and behind every vehicle at the start, m (ours: a car at 25 km/h can stop within it)."""
@@ -86,7 +86,7 @@ def background(
     around = _Around(network, ego.line, si(traffic.within), placed, end_s, rng)
     actors: list[PlacedActor] = []
     for spec in models:
-        if (new := around.add(f"{traffic.name}_{len(actors) + 1:02d}", spec)) is not None:
+        if (new := around.add(name_in_traffic(traffic.name, len(actors) + 1), spec)) is not None:
             actors.append(new)
     missing = wanted - len(actors)
     note = (

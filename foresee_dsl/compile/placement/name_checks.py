@@ -43,7 +43,7 @@ class NameChecks:
     ) -> None:
         self._case, self._network, self._signals, self._spot = case, network, signals, spot
         self._actors = {actor.name for actor in case.scenario.actors} | {
-            f"{traffic.name}_{k:02d}"
+            m.name_in_traffic(traffic.name, k)
             for traffic in case.scenario.all(m.Traffic)
             for k in range(1, int(si_of(traffic.count)) + 1)
         }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from foresee_dsl.errors import subject, with_article
@@ -12,13 +11,15 @@ from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import closest, did_you_mean
 from foresee_dsl.language.model_classes import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.printer import print_item, written
-from foresee_dsl.language.traversal import walk
+from foresee_dsl.language.traversal import all_actions, walk
 
 _PATHS = ("path", "path_along")
 _WAYS = ("route", "edge_route", *_PATHS)
 _PASSING_CLASSES = ("bicycle", "motorcycle")
 _SET_LINE = (m.ChangesLine, m.KeepsBeside, m.FollowsPath, m.Reverses)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
+_OTHERS_SHOWN = 4
+"""Largest number of actors that a help names as examples. Ours."""
 
 
 def check_actors(collector: Collector, scenario: m.Scenario | m.Clip) -> None:
@@ -37,6 +38,8 @@ def check_actors(collector: Collector, scenario: m.Scenario | m.Clip) -> None:
     collector.unique([*named, *groups], "actors")
     cases = scenario.all(m.Case)
     parameters = {item.name: item for item in scenario.all(m.Param)}
+    drawn = {group.name: _most(group.count, parameters, cases) for group in groups}
+    _check_names_of_traffic(collector, named, drawn)
     for actor in actors:
         _check_place(collector, actor, ego)
         _check_once(collector, actor)
@@ -55,7 +58,65 @@ def check_actors(collector: Collector, scenario: m.Scenario | m.Clip) -> None:
             _known_class(collector, group, f"models.{k}", model)
     _check_deviation(collector, body, ego)
     doors = {door_of(part) for when in scenario.all(m.When) for part in walk(when) if isinstance(part, m.Door)}
-    _check_mentions(collector, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups}, doors)
+    _check_mentions(collector, body, {"ego", *(a.name for a in actors)}, drawn, doors)
+    _check_pairs(collector, actors, scenario.all(m.When))
+
+
+def _most(count: m.AnyValue, parameters: dict[str, m.Param], cases: Sequence[m.Case]) -> int | None:
+    """Return the largest count of a traffic that some case can have; None if it must be calculated."""
+    values: list[object] = [count]
+    if isinstance(count, m.Ref):
+        parameter = parameters.get(count.name)
+        if parameter is None:
+            return None
+        assigned = (assignment for case in cases for assignment in case.values)
+        values = [parameter.default, *(parameter.options or ())]
+        values += [parameter.range.high] if parameter.range is not None else []
+        values += [assignment.value for assignment in assigned if assignment.name == count.name]
+    counts = [int(value.si) for value in values if isinstance(value, m.Quantity)]
+    return max(counts) if len(counts) == len(values) else None
+
+
+def _is_drawn(name: str, drawn: Mapping[str, int | None]) -> bool:
+    """Return whether an actor of the traffic has this name in some case; `drawn` holds the largest counts."""
+    traffic, _, number = name.rpartition("_")
+    if traffic not in drawn or not number.isdecimal() or name != m.name_in_traffic(traffic, int(number)):
+        return False
+    most = drawn[traffic]
+    return int(number) >= 1 and (most is None or int(number) <= most)
+
+
+def _one_of_traffic(traffic: str, number: int, most: int | None) -> HelpText:
+    """Return the help for the name of an actor that a traffic does not have."""
+    if most == 0:
+        return f"traffic '{traffic}' has no actors: raise its count, or " + remove("remove this")
+    named = m.name_in_traffic(traffic, max(1, min(number, number if most is None else most)))
+    if most is None:
+        return "its actors are called like " + write(named)
+    return f"traffic '{traffic}' has {most} {'actor' if most == 1 else 'actors'}: write " + write(named)
+
+
+def _check_names_of_traffic(collector: Collector, named: Sequence[m.Actor], drawn: Mapping[str, int | None]) -> None:
+    """Report an actor with the name of an actor of the traffic."""
+    for actor in named:
+        if _is_drawn(actor.name, drawn):
+            traffic = actor.name.rpartition("_")[0]
+            message = f"'{actor.name}' is also the name of an actor of traffic '{traffic}'"
+            collector.add(actor, "name", "FS030", message, rename("give this actor another name", everywhere=True))
+
+
+def _check_pairs(collector: Collector, actors: Sequence[m.Ego | m.Actor], triggers: Sequence[m.When]) -> None:
+    """Report an action whose other actor is the actor itself, such as that of an actor which follows itself."""
+    pairs: list[tuple[m.Item, str]] = [(item, actor.name) for actor in actors for item in actor.all(m.MeetsState)]
+    actions = (action for when in triggers for action in all_actions(when.actions))
+    pairs += [(action, action.actor) for action in actions if not isinstance(action, m.WithoutActor)]
+    for item, name in pairs:
+        if vars(item).get("other") == name:
+            others = [actor.name for actor in actors if actor.name != name][:_OTHERS_SHOWN]
+            help: HelpText = remove("remove it")
+            if others:
+                help = "name another actor, such as " + one_of(others, wrong=name)
+            collector.add(item, "other", "FS050", f"'{name}' is the actor itself: another one is needed here", help)
 
 
 def _check_place(collector: Collector, actor: m.Ego | m.Actor, ego: m.Ego | None) -> None:
@@ -286,7 +347,7 @@ def door_of(action: m.Door) -> str:
 
 
 def _check_mentions(
-    collector: Collector, body: Sequence[m.Item], actors: set[str], groups: set[str], doors: set[str]
+    collector: Collector, body: Sequence[m.Item], actors: set[str], drawn: Mapping[str, int | None], doors: set[str]
 ) -> None:
     """Report mentions of actors that do not exist. Actors of the traffic are called `others_03`, doors `van_door`."""
     for root in body:
@@ -296,10 +357,12 @@ def _check_mentions(
             fields = vars(item)  # not `getattr`: pydantic is slow for a field that the class does not have
             named = [(field, fields.get(field)) for field in (("actor",) if place else ("actor", "other"))]
             for field, name in ((field, name) for field, name in named if isinstance(name, str)):
-                group = re.fullmatch(r"(.+)_[0-9]+", name)
-                if name in actors or name in doors or (group is not None and group[1] in groups):
+                group, _, number = name.rpartition("_")
+                if name in actors or name in doors or _is_drawn(name, drawn):
                     continue
                 help: HelpText = did_you_mean(name, sorted(actors))
-                if name in groups:
-                    help = "name one of its actors: " + write(f"{name}_01")
+                if name in drawn:
+                    help = "name one of its actors: " + write(m.name_in_traffic(name, 1))
+                elif group in drawn and number.isdecimal():
+                    help = _one_of_traffic(group, int(number), drawn[group])
                 collector.add(item, field, "FS037", "unknown actor '" + subject(name) + "'", help)

@@ -127,7 +127,11 @@ def _check_clip(collector: Collector, clip: m.Clip) -> None:
         collector.only_once(items)
     for item in clip.body:
         match item:
-            case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si <= start.si:
+            case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si == start.si:
+                later = m.Quantity.of(end.si + 10.0, "time", 2)
+                help = "let it end later, such as " + write(f"window {written(start)}..{written(later)}")
+                collector.add(item, "", "FS039", "this window ends when it begins", help)
+            case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si < start.si:
                 help = meant_code(f"window {written(end)}..{written(start)}")
                 collector.add(item, "", "FS039", "this window ends before it begins", help)
             case m.Actor(state=None) if any(isinstance(part, m.Track) for part in item.body):
@@ -276,11 +280,22 @@ def check_network(collector: Collector, network: m.Network) -> None:
     for building in network.all(m.Building):
         _check_building(collector, building)
     if not roads:
-        start, end, *_ = *(item.name for item in network.all(m.Junction)), "a", "b"
-        help = "add " + write(f"road main from {start} to {end}")
+        help = "add " + write(_first_road(network.all(m.Junction), names))
         collector.add(network, "name", "FS014", "this network has no roads", help)
     if len(junctions) + len(roads) + sum(isinstance(b, m.Building | m.Doc) for b in network.body) < len(network.body):
         Streets(collector, network, names).check()
+
+
+def _first_road(junctions: Sequence[m.Junction], names: Sequence[str]) -> str:
+    """Return the text of a road between two of these junctions, and of the junctions that it lacks."""
+    ends = list(dict.fromkeys(names))[:2]
+    east_m = [junction.at.x.si for junction in junctions if isinstance(junction.at.x, m.Quantity)]
+    lines: list[str] = []
+    for k in range(len(ends), 2):
+        ends.append(next(name for name in ("a", "b") if name not in ends))
+        lines.append(f"junction {ends[k]} at ({max(east_m, default=-100.0) + 100.0:g} m, 0 m)")
+        east_m.append(max(east_m, default=-100.0) + 100.0)
+    return "; ".join([*lines, f"road main from {ends[0]} to {ends[1]}"])
 
 
 def _check_road(collector: Collector, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:

@@ -132,8 +132,18 @@ def _check_parameter(collector: Collector, parameter: m.Param) -> None:
             sound = False
     for k, option in enumerate(parameter.options or ()):
         sound &= _check_type(collector, parameter, parameter, f"options.{k}", option)
+        if any(_same_option(option, other) for other in (parameter.options or ())[:k]):
+            twice = f"the option `{value_text(option)}` is listed twice"
+            collector.add(parameter, f"options.{k}", "FS013", twice, remove("keep one of the two"))
     if sound:
         _check_value(collector, parameter, parameter, "default", parameter.default)
+
+
+def _same_option(option: m.ParamValue, other: m.ParamValue) -> bool:
+    """Return whether two options are equal in every case; those that need other parameters may differ in some."""
+    if any(isinstance(value, m.Calculated) and any(references(value)) for value in (option, other)):
+        return False
+    return same_value(option, other)
 
 
 def _check_value(collector: Collector, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> None:
@@ -297,14 +307,14 @@ def _check_compared(
     collector: Collector, part: m.Comparison, left: m.Ref, right: m.Quantity | m.Ref, parameters: dict[str, m.Param]
 ) -> bool:
     sides = [(field, side.name) for field, side in (("left", left), ("right", right)) if isinstance(side, m.Ref)]
-    if any(name not in parameters for _, name in sides):
-        return False
-    for field, name in sides:
-        if parameters[name].dimension is None:
+    for _, name in sides:
+        if name in parameters and parameters[name].dimension is None:
             help = "write " + write(f"{name} is {value_text(parameters[name].default)}")
             message = f"'{name}' is a word, which cannot be less or more than another"
-            collector.add(part, field, "FS032", message, help)
+            collector.add(part, "", "FS032", message, help)
             return False
+    if any(name not in parameters for _, name in sides):
+        return False  # `check_values` reports it
     needed, *others = [d for _, name in sides if (d := parameters[name].dimension) is not None]
     if isinstance(right, m.Quantity):
         if right.dimension != needed and not (needed == "count" and not right.unit):

@@ -153,6 +153,10 @@ def _check_reference(
 ) -> None:
     parameter = parameters.get(reference.name)
     if parameter is None:
+        sides = (item.left, item.right) if isinstance(item, m.Comparison) else ()
+        compared = [parameters.get(side.name) for side in sides if isinstance(side, m.Ref)]
+        if any(other is not None and other.dimension is None for other in compared):
+            return  # a word, which cannot be compared: `check_requirements` reports that
         help = did_you_mean(reference.name, parameters)
         if word_of(type(item), field) == "model" and closest(reference.name, parameters) is None:
             help = _A_MODEL.get(reference.name, "models are called class.variant, such as " + write("car.compact"))

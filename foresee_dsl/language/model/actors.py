@@ -430,3 +430,8 @@ class Traffic(Item):
     models: tuple[v.ModelName, ...] = Field(min_length=1)
     within: Annotated[v.Length, Bounds(0.0)]
     seed: v.Count
+
+
+def name_in_traffic(traffic: str, number: int) -> str:
+    """Return the name of an actor of the background traffic; numbers begin at 1."""
+    return f"{traffic}_{number:02d}"

@@ -165,7 +165,10 @@ def _window_length(window: m.Window, collector: Collector) -> m.Quantity | None:
         collector.add(window, "", "FS039", "the window's times must be values: a clip has no parameters")
     elif end.si <= start.si:
         message = f"the window ends ({value_text(end)}) before it begins ({value_text(start)})"
-        collector.add(window, "", "FS039", message, "write the earlier time first")
+        help = "write the earlier time first"
+        if end.si == start.si:
+            message, help = f"the window ends when it begins ({value_text(start)})", "let it end later"
+        collector.add(window, "", "FS039", message, help)
     elif start.unit == end.unit:  # exact, in the author's unit
         return m.Quantity(value=end.value - start.value, unit=end.unit)
     else:

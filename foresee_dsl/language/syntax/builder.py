@@ -132,7 +132,7 @@ def _not_one_of(node: Node, field: str, word: str, place: Span) -> Diagnostic:
     if node.kind is m.Expected and field == "failure":
         help = (
             "write F1 (off the road or into an object), F2 (into a pedestrian), F3 (frontal), F4 (lateral), F5 (rear), "
-            "stuck or timeout"
+            "stuck, rule or timeout"
         )
     elif field == "what" and node.kind in (m.Ignores, m.IgnoresRule) and near is None:
         help = "write " + write(f"ignores priority at {word}") + " or " + write(f"ignores signals at {word}")

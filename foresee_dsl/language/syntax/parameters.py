@@ -15,7 +15,7 @@ from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.node import Node
-from foresee_dsl.language.units import SI_WORD, Dimension
+from foresee_dsl.language.units import SI_WORD, Dimension, dimension_of
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Ref)
 _Slot = tuple[Node, str, int | None]
@@ -66,11 +66,13 @@ class _Settler:
         raw = _value_of(slot)
         if not isinstance(raw, Node) or raw.kind not in _WORKED_OUT:
             return
-        own = raw.kind is m.Ref and raw.fields.get("name") == holder.fields.get("name")
+        name = str(raw.fields.get("name"))
+        own = raw.kind is m.Ref and name == holder.fields.get("name")
+        is_number = name in self._types and dimension_of(self._types[name]) is not None
         # An option of a parameter of words may be the same word as the parameter's name.
         settled = (
-            str(raw.fields["name"])
-            if own and field in ("default", "options")
+            name
+            if own and not is_number and field in ("default", "options")
             else self._result_node(raw, holder, asking)
         )
         values = holder.fields[field]
