@@ -95,7 +95,7 @@ def _turns(wheels_rad: float, wheelbase_m: float, slow: float, fast: float, side
 
 
 @dataclass(frozen=True)
-class Others:
+class OthersReach:
     """The bodies of the other actors, and how they may move: [K] each.
 
     Attributes:
@@ -151,7 +151,7 @@ class RestOfRun:
         self._simulation, self._judge, self._rules, self._expectations = simulation, judge, rules, expectations
         scene, ego = simulation.scene, simulation.ego
         others = [actor.placed for actor in simulation.actors[1:]]
-        self._others = Others.of(others)
+        self._others = OthersReach.of(others)
         self._comes_later = np.array([actor.comes_later for actor in others], dtype=np.bool_)
         rear_m = ego.length / 2 - ego.motion.rear_axle_m
         self._body = rear_m, ego.length - rear_m, ego.width / 2

@@ -17,7 +17,7 @@ from foresee_dsl.drivers.protocol import Control, Observation
 from foresee_dsl.kernels.boxes import Box, corner_points, corners
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
-from foresee_dsl.simulate.rest_of_run import LOOKS_S, EgoReach, Others
+from foresee_dsl.simulate.rest_of_run import LOOKS_S, EgoReach, OthersReach
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S
@@ -159,7 +159,7 @@ def test_the_others_stay_within_their_reach(scenarios: Path) -> None:
     assert {case.family for case in cases} >= set("34789")
     for case in cases:
         trace, others = run_test_case(case, "pdm", 0).trace, compile_test_case(case).scene.actors[1:]
-        bodies = Others.of(others)
+        bodies = OthersReach.of(others)
         for first in range(0, trace.frames, 10):
             for within_s in LOOKS_S[2:]:
                 poses, sizes = bodies.reach(trace.states[first, 1:], within_s)
