@@ -124,9 +124,16 @@ class Diagnosis:
 
     @property
     def also(self) -> Parts:
-        """Further parts that alone make the failure go away."""
-        alone = (run.parts[0] for run in self.runs if run.helps and len(run.parts) == 1)
-        return tuple(part for part in alone if (part,) != self.cause)
+        """Further parts that alone make the failure go away; with a probable cause, those that are as likely: ideal,
+        they make the run pass in the same other situation.
+        """
+        alone = [run for run in self.runs if len(run.parts) == 1]
+        if self.sure:
+            same = [run for run in alone if run.helps]
+        else:
+            apart = {run.apart for run in alone if run.parts == self.cause}
+            same = [run for run in alone if run.elsewhere and run.apart in apart]
+        return tuple(run.parts[0] for run in same if run.parts != self.cause)
 
     @property
     def text(self) -> str:
@@ -135,10 +142,9 @@ class Diagnosis:
             return self._without_cause()
         run = next(run for run in self.runs if run.parts == self.cause)
         if not self.sure:
-            return (
-                f"probably {_named(self.cause, 'and')}: if it is ideal, the run passes, but in another situation "
-                f"({run.apart})"
-            )
+            likely = f" (as likely: {_named(self.also, 'or')})" if self.also else ""
+            cause = f"probably {_named(self.cause, 'and')}{likely}"
+            return f"{cause}: if it is ideal, the run passes, but in another situation ({run.apart})"
         how = [*([self.seen] if self.seen else []), *(phrase for phrase in run.how if phrase != "drives on")]
         also = f" (also with {_named(self.also, 'or')} alone)" if self.also else ""
         only = "only goes away with" if len(self.cause) > 1 else "goes away with"

@@ -97,7 +97,13 @@ def test_a_part_with_which_the_driver_passes_elsewhere_is_the_probable_cause(sce
     no_map: Any = SimpleNamespace()  # an actor that stands needs no map
     diagnosis = diagnosed(failed, no_map, drive, driver="pdm", seed=0, declared=(P.PERCEPTION, P.TRACKING, P.CONTROL))
     assert diagnosis.cause == (P.TRACKING,) and not diagnosis.sure
-    assert diagnosis.text.startswith("probably tracking:")
+    assert diagnosis.text.startswith("probably tracking:") and diagnosis.also == ()
+    likely = diagnosed(
+        failed, no_map, lambda parts: turned if parts & {P.TRACKING, P.CONTROL} else failed, driver="pdm", seed=0,
+        declared=(P.PERCEPTION, P.TRACKING, P.CONTROL),
+    )  # fmt: skip
+    assert len(likely.cause) == 1 and {*likely.cause, *likely.also} == {P.CONTROL, P.TRACKING}
+    assert likely.text.startswith(f"probably {likely.cause[0]} (as likely: {likely.also[0]}):")
     table = diagnosis_text(DiagnosedFailure(Failing("turns", case, DriverSetup("pdm")), diagnosis))
     assert "still fails: F4 collision with van" in table
     assert "passes elsewhere: it takes another way" in table and "Passes elsewhere: the ego no longer" in table
