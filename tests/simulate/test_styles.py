@@ -169,7 +169,7 @@ def test_a_mutant_cannot_give_a_pedestrian_a_style(folder: Path) -> None:
     ("text", "message"),
     [
         (styled("hurries"), "'hurries'"),
-        (SIDE_ROAD.replace("speed 40 km/h", "style creeps"), "the ego cannot have a `style`"),
+        (SIDE_ROAD.replace("speed 40 km/h", "style creeps"), "the ego cannot have `style`"),
         (
             SIDE_ROAD.replace(
                 "  end", "  pedestrian p: pedestrian.adult { path [(9 m, 9 m), (9 m, 0 m)]; style creeps }\n  end"
