@@ -14,7 +14,7 @@ from foresee_dsl.campaign.goal import problem_with
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.registry import DRIVERS, name_in
-from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.errors import Diagnostic, InputError, with_article
 from foresee_dsl.files import absolute
 from foresee_dsl.forecast.registry import RANKERS
 from foresee_dsl.helps import HelpText, write
@@ -177,8 +177,8 @@ def _wrong_seeds(item: m.Seeds, folder: Path, *, allow_outside: bool) -> tuple[s
         return None if scenarios else (f"there is no scenario in folder '{item.path}'", _BEGIN)
     kind = kind_of(file)
     if kind in ("network", "models", "campaign"):
-        holds = kind if kind == "models" else f"a {kind}"
-        return f"'{written}' holds {holds}, not a test case", "name a scenario, or a folder or pattern of scenarios"
+        message = f"'{written}' holds {with_article(kind)}, not a test case"
+        return message, "name a scenario, or a folder or pattern of scenarios"
     names = _cases(file, allow_outside=allow_outside) if case is not None and kind == "scenario" else None
     if case is None or names is None or case in names:
         return None

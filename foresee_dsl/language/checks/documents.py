@@ -108,7 +108,7 @@ def _check_signals(collector: Collector, signals: Iterable[m.SignalState]) -> No
     """Report a second state of one junction's signal."""
     stated: set[str] = set()
     for signal in signals:
-        name = written(signal).split()[1]
+        name = signal.junction.name if isinstance(signal.junction, m.Ref) else signal.junction
         if name in stated:
             collector.add(signal, "", "FS047", f"the signal of '{name}' is stated twice", remove("keep one of the two"))
         stated.add(name)
