@@ -20,7 +20,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.completion import VARIABLE
-from foresee_dsl.cli.options.common import BUG, SETTINGS, Consenting, explain_error
+from foresee_dsl.cli.options.common import BUG, SETTINGS, ForeseeCommand, explain_error
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.cli.options.plain_output import guard_streams
 
@@ -151,7 +151,7 @@ PLUG_INS = "Plug-ins"
 
 def _alone(call: Callable[..., None], name: str, panel: str) -> Any:  # noqa: ANN401 - as above
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS)
-    alone.command(name=name, cls=Consenting, rich_help_panel=panel)(for_tools(call, name))
+    alone.command(name=name, cls=ForeseeCommand, rich_help_panel=panel)(for_tools(call, name))
     return typer.main.get_command(alone)
 
 

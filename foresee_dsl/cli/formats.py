@@ -14,7 +14,7 @@ from typing import Annotated, Any, cast, get_args, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from foresee_dsl.cli.options.common import SETTINGS, Consenting, JsonOption, console, print_json
+from foresee_dsl.cli.options.common import SETTINGS, ForeseeCommand, JsonOption, console, print_json
 from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.exchange.protocol import Format, Option, Tell, options_of
@@ -45,7 +45,7 @@ class _Formats(TyperGroup):
             return None
         call, settings = self._command(cmd_name)
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS | settings)
-        alone.command(name=cmd_name, cls=Consenting)(for_tools(call, self.document))
+        alone.command(name=cmd_name, cls=ForeseeCommand)(for_tools(call, self.document))
         return typer.main.get_command(alone)
 
     def _command(self, name: str) -> tuple[Callable[..., None], dict[str, Any]]:

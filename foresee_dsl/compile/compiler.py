@@ -31,7 +31,7 @@ _Key = TypeVar("_Key")
 
 def compile_case(case: TestCase) -> SumoBundle:
     """Compile a test case; see `foresee_dsl.compile.compile_test_case`."""
-    net_file = _net_of(case.network, case.streets)
+    net_file = _net_of(case.network, case.network_document)
     builder, specs = _builder(case, net_file)
     try:
         scene = builder.build()
@@ -59,7 +59,7 @@ def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
     Raises:
         InputError: a statement is impossible on the network.
     """
-    net_file = _net_of(case.network, case.streets)
+    net_file = _net_of(case.network, case.network_document)
     try:
         _builder(case, net_file)[0].place()
     except PlacementError as err:
@@ -99,7 +99,7 @@ def sketch_case(case: TestCase) -> Sketch:
     Raises:
         InputError: a statement of its network contradicts the roads. CompileError: its network cannot be built.
     """
-    net_file = _net_of(case.network, case.streets)
+    net_file = _net_of(case.network, case.network_document)
     network, signals = _read(net_file, case.network)
     builder, _ = _builder(case, net_file)
     placed, start_s, goal_s, problems = builder.attempt()
@@ -120,7 +120,7 @@ def network_of(network: Network | Path, document: Document | None = None) -> tup
 def warnings_of(case: TestCase) -> tuple[Diagnostic, ...]:
     """Return warnings on what is permitted on the network but probably not intended; none for a case with errors."""
     try:
-        problems = _builder(case, _net_of(case.network, case.streets))[0].warnings()
+        problems = _builder(case, _net_of(case.network, case.network_document))[0].warnings()
     except (PlacementError, InputError):
         return ()
     return _diagnostics(case, problems)

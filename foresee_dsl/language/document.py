@@ -105,7 +105,7 @@ class TestCase(Displayed):
             scenario names, without comments, `doc`, tags, layout, file names and the case's name.
         source: the addressed file.
         document: the parsed file; None for a test case built in memory.
-        streets: the parsed file that holds its network; None for a foreign network, or a test case built in memory.
+        network_document: the parsed file that holds its network; None for a foreign network, or without a file.
         clip, mutant: the definition in its file; None if the file has no such definition.
         tracks: the absolute path of the file with the recorded tracks of its actors; None without one.
         goal: label of the expectation whose violation is a failure of the run (the goal of the campaign that runs it or
@@ -121,7 +121,7 @@ class TestCase(Displayed):
     meaning: str
     source: Path
     document: Document | None = field(default=None, repr=False)
-    streets: Document | None = field(default=None, repr=False)
+    network_document: Document | None = field(default=None, repr=False)
     clip: m.Clip | None = field(default=None, repr=False)
     mutant: m.Mutant | None = field(default=None, repr=False)
     tracks: Path | None = None

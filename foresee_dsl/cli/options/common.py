@@ -153,7 +153,7 @@ ONE_OF_SEVERAL = ("--driver", "--ranker")
 silently replace the others."""
 
 
-class Consenting(TyperCommand):
+class ForeseeCommand(TyperCommand):
     """A command that may start programs which its options name as drivers, but not programs that files name.
 
     It refuses two values of an option of `ONE_OF_SEVERAL`; of any other option the last value counts, so that a script

@@ -326,7 +326,7 @@ class Project:
             help = "write " + write(written) + ", for example; " + did_you_mean("", names)
             _fail_case(file, use, "FS103", message, help)
         concrete = concretise(scenario, case, document=file.document)
-        network, streets = self._network(file, concrete, chain)
+        network, network_document = self._network(file, concrete, chain)
         models = self._models(file, concrete, chain)
         tracks = self._tracks(file, concrete, chain)
         check_models(concrete, models, file.document, case)
@@ -338,7 +338,7 @@ class Project:
             meaning=meaning_hash(concrete, network, models, tracks),
             source=file.path,
             document=file.document,
-            streets=streets,
+            network_document=network_document,
             tracks=tracks,
         )
 
