@@ -36,6 +36,17 @@ ORDERED: Mapping[type[m.Item], str] = {m.Ego: "ego", m.Actor: "actors", m.Traffi
 """Statements whose order among their kind matters, with their key in the hash: the order gives the actors their ids
 and the triggers their turn."""
 
+
+def order_counts(item: object) -> type[m.Item] | None:
+    """Return the kind of statements among which the order of this statement of a scenario counts; None if it does not.
+
+    Parameters with grids are such a kind: the first of them changes fastest from one drawn case to the next.
+    """
+    if isinstance(item, m.Param) and isinstance(item.distribution, m.Grid):
+        return m.Grid
+    return next((kind for kind in ORDERED if isinstance(item, kind)), None)
+
+
 _Json = object
 _T = TypeVar("_T")
 _CACHE_SIZE = 1000

@@ -285,6 +285,23 @@ def test_the_order_of_actors_and_triggers_counts() -> None:
     assert found[0].kind == "moved"
 
 
+def test_the_order_of_grids_counts() -> None:
+    def with_params(*params: str) -> Definition:
+        return model_of(with_edits(("  ego:", "".join(f"  param {param}\n" for param in params) + "\n  ego:")))
+
+    first, second = (f"{name}: time = 1 s in 0 s..4 s step 1 s as grid" for name in ("gap", "pause"))
+    free = "late: time = 2 s in 0 s..4 s step 1 s"
+    grids, swapped = with_params(first, free, second), with_params(second, free, first)
+    assert lines(grids, swapped) == ["order: gap, pause => pause, gap"]
+    assert diff_models(apply(grids, diff_models(grids, swapped)), swapped) == ()
+    assert plain_text(grids) != plain_text(swapped)
+    assert lines(grids, with_params(first, second, free)) == []
+    assert plain_text(grids) == plain_text(with_params(free, first, second))
+    later = with_params(second, first.replace(" as grid", ""))  # the order counts once both are grids
+    assert "order: gap, pause => pause, gap" not in lines(with_params(first, second), later)
+    assert "order: pause, gap => gap, pause" in lines(later, with_params(first, second))
+
+
 def test_everything_at_once_in_text() -> None:
     now = with_edits(
         ("speed 50 km/h", "speed 60 km/h\n    steers 0.12 from 4.00 s for 1.00 s"),

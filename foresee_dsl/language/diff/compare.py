@@ -12,7 +12,7 @@ from foresee_dsl.errors import with_article
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of, renamed
-from foresee_dsl.language.meaning import ORDERED, content_key, same_value
+from foresee_dsl.language.meaning import content_key, order_counts, same_value
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.addresses import mistake
 from foresee_dsl.language.traversal import is_condition
@@ -185,7 +185,7 @@ def _block(place: _PathInModel, owner: m.Item, a: Sequence[m.Item], b: Sequence[
             yield from _item(there, item, b[pairs[i]])
         else:
             yield Difference(there.group, there.words, "removed", _text_of(item), None, "", Edit("remove", there.at))
-    yield from _orders(place, owner, a, pairs)
+    yield from _orders(place, owner, a, b, pairs)
     yield from _inserted(place, owner, b, pairs)
 
 
@@ -223,15 +223,17 @@ def _family(owner: m.Item, item: m.Item) -> object:
     if isinstance(owner, _UNORDERED_BODIES):
         return None
     if isinstance(owner, m.Scenario | m.Clip):
-        return next((kind for kind in ORDERED if isinstance(item, kind)), None)
+        return order_counts(item)
     return "all"
 
 
-def _orders(place: _PathInModel, owner: m.Item, a: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
+def _orders(
+    place: _PathInModel, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]
+) -> Iterator[Difference]:
     """Yield the changes of order that have a meaning."""
     families: dict[object, list[int]] = {}
-    for i in pairs:
-        families.setdefault(_family(owner, a[i]), []).append(i)
+    for i, j in pairs.items():
+        families.setdefault(_family(owner, b[j]), []).append(i)
     for family, numbers in families.items():
         before = sorted(numbers)
         after = sorted(numbers, key=lambda i: pairs[i])

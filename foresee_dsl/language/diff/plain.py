@@ -13,7 +13,7 @@ from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.diff.wording import field_path, is_statement, join, label, text
-from foresee_dsl.language.meaning import ORDERED, SIGNIFICANT_DIGITS, same_value
+from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS, order_counts, same_value
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -21,7 +21,7 @@ _UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
 """The unit in which each dimension is printed; speeds are in km/h, which road users read (ours)."""
 
 _SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
-"""Blocks in which only the order of `ORDERED` statements of one kind has a meaning, so that all other statements are
+"""Blocks in which the order of statements counts only as `order_counts` says, so that all other statements are
 sorted."""
 
 _WORKED_OUT = (*m.EXPRESSIONS, m.Calculated)
@@ -116,7 +116,7 @@ def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) ->
     rank = {kind: number for number, kind in enumerate(_classes(type(owner).model_fields[name].annotation))}
 
     def place(item: m.Item) -> tuple[int, str, str]:
-        ordered = isinstance(item, tuple(ORDERED))
+        ordered = order_counts(item) is not None
         return rank.get(type(item), len(rank)), "" if ordered else label(item), "" if ordered else text(item)
 
     return tuple(sorted((part for part in printed if isinstance(part, m.Item)), key=place))
