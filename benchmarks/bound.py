@@ -1,7 +1,7 @@
-"""The least that a step can cost: SUMO is read by compiled code, and the ego is moved. Needs a C++ compiler.
+"""The least that a step can cost: the ego is moved and all vehicles are read, by libsumo or by compiled code.
 
-The compiled function is linked to the library inside libsumo's Python package, which exports SUMO's C++ functions;
-their headers come with the package `eclipse-sumo`.
+The compiled function needs a C++ compiler. It is linked to the library inside libsumo's Python package, which exports
+SUMO's C++ functions; their headers come with the package `eclipse-sumo`.
 """
 
 from __future__ import annotations
@@ -47,6 +47,15 @@ def compiled_reader(folder: Path) -> Callable[[], int] | None:
         return int(read(values.ctypes.data, MOST))
 
     return read_vehicles
+
+
+def plain_reader() -> int:
+    """Read position, speed and lane of all vehicles by libsumo's functions; return the number of vehicles."""
+    vehicle = libsumo.vehicle
+    names = vehicle.getIDList()
+    for read in (vehicle.getPosition, vehicle.getSpeed, vehicle.getLaneID):
+        list(map(read, names))
+    return len(names)
 
 
 def run_bound(state: Path, trace: Trace, read: Callable[[], int]) -> None:
