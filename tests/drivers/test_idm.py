@@ -8,21 +8,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.drivers.idm import (
-    EMERGENCY_TTC_S,
-    ActorsOnRoute,
-    IdmDriver,
-    giving_way,
-    idm_acceleration,
-    leader,
-    read_others,
-    time_to_collision,
-)
+from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import read_situation
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
+from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.idm import (
+    ACTOR_ON_ROUTE,
+    EMERGENCY_TTC_S,
+    ActorOnRoute,
+    actors_on_route,
+    gap_to_yield,
+    idm_acceleration,
+    leader_of,
+    time_to_collision,
+)
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED
@@ -69,9 +71,9 @@ def test_a_gap_of_nothing_is_no_division_by_zero() -> None:
 # ---- the others -----------------------------------------------------------------------------------------------------
 
 
-def others(**more: float) -> ActorsOnRoute:
-    values = {"ahead": 20.0, "far": 30.0, "d": 0.0, "speed_s": 0.0, "speed_d": 0.0, "side": 1.8, **more}
-    return ActorsOnRoute(**{key: np.array([value]) for key, value in values.items()})
+def others(**more: float) -> Records:
+    car = ActorOnRoute(ahead=20.0, far=30.0, d=0.0, speed_s=0.0, speed_d=0.0, side=1.8, pedestrian=False)
+    return np.array([car._replace(**more)], ACTOR_ON_ROUTE)
 
 
 @pytest.mark.parametrize(
@@ -104,10 +106,9 @@ def test_the_leader_is_the_nearest_in_the_corridor() -> None:
     )
     route = build_route(mission(line((300, STRAIGHT))), SEDAN)
     situation = read_situation(route, SEDAN, Observation(0.0, EgoState(40, 0, 0, 10, 0, 0, 0), seen, {}))
-    found = leader(read_others(situation))
-    assert found is not None
-    assert found.gap_m == pytest.approx(70 - 2 - 40 - SEDAN.length_m / 2, abs=1e-3)
-    assert found.speed_mps == pytest.approx(8.0)
+    gap, speed = leader_of(actors_on_route(situation.egos, situation.actors, route.points))
+    assert gap == pytest.approx(70 - 2 - 40 - SEDAN.length_m / 2, abs=1e-3)
+    assert speed == pytest.approx(8.0)
 
 
 @pytest.mark.parametrize(("away_m", "waits"), [(30.0, False), (45.0, True), (80.0, True), (95.0, False)])
@@ -120,8 +121,9 @@ def test_a_gap_is_taken_when_it_is_long_enough(away_m: float, waits: bool) -> No
     task = mission(points, junctions=[JunctionPassage("j", 92.0, 110.0, "straight", None, (foe,))])
     car = SeenActor(1, "car", 100.0, away_m, -math.pi / 2, 12.0, 4.5, 1.8)
     observation = Observation(0.0, EgoState(88.0, 0, 0, 0, 0, 0, 0), (car,), {})
-    situation = read_situation(build_route(task, SEDAN), SEDAN, observation)
-    assert (giving_way(situation) is not None) == waits
+    route = build_route(task, SEDAN)
+    now = read_situation(route, SEDAN, observation)
+    assert (gap_to_yield(now.egos, now.actors, route.foes, route.paths, route.junctions) < math.inf) == waits
 
 
 # ---- closed loop ----------------------------------------------------------------------------------------------------

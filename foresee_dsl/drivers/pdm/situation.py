@@ -1,7 +1,8 @@
 """Converts an observation to the input of the kernels: the ego and the others on the route, and the braking for
 signals.
 
-`pdm` does all of this within one kernel (`kernels.pdm.decision`); `idm` and `frenetix` call the same kernels in turn.
+`pdm` and `idm` do all of this within one kernel each (`kernels.pdm.decision`, `kernels.idm`); `frenetix` calls the same
+kernels in turn.
 """
 
 from __future__ import annotations

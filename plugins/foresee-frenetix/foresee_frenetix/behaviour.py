@@ -10,10 +10,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from foresee_dsl.drivers.idm import read_others, walkers
 from foresee_dsl.drivers.pdm.situation import RoadSituation, signal_brakings
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.arrays import BoolArray, Records
+from foresee_dsl.kernels.idm import actors_on_route, gap_to_walker
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.prediction import TIMES_S as PREDICTED_S
 from foresee_dsl.kernels.pdm.proposals import find_leaders, find_offsets, find_passable
@@ -79,8 +79,9 @@ class Patience:
 
     def walker(self, situation: RoadSituation) -> float | None:
         """Return the place to stop for a pedestrian, m along the route; None: no stop. To be called once per plan."""
-        gap = walkers(situation, read_others(situation))
-        if gap is None:
+        others = actors_on_route(situation.egos, situation.actors, situation.route.points)
+        gap = gap_to_walker(situation.egos, others)
+        if gap == np.inf:
             self.times = 0
             return None
         room = max(gap - WALKER_AIR_M, 0.0)
