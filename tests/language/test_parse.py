@@ -186,7 +186,7 @@ def test_spans_of_fields_elements_and_values():
 
 
 def test_a_statement_that_was_read_before_has_its_own_places():
-    """The trees of short statements are kept, and their places are counted anew each time."""
+    """Short statements are kept as they were parsed, and their places are counted anew each time."""
     for lines, columns in ((0, 2), (0, 2), (3, 0), (1, 7)):
         statement = "\n" * lines + " " * columns + "tags [one,\n two]"
         document = scenario(f"{statement}\n{statement}")

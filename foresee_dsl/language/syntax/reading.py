@@ -40,9 +40,9 @@ _DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.
 _ENDS = tuple((f"{around}{end}line", f"{around}{end}column") for around in ("", "container_") for end in ("", "end_"))
 """Lark's attributes for the ends of a tree, without and with the brackets around it."""
 _SHORT, _KEPT = 200, 1024
-"""The trees of statements up to the first length, in characters, are kept, at most as many as the second: the versions
-of a file in an editor, and a text and its formatted form, have most statements in common. Ours: 1024 trees take about
-5 MB, and reading a scenario of 2,000 characters again takes 7 ms instead of 14 ms (measured)."""
+"""Statements up to the first length, in characters, are kept as they were parsed, at most as many as the second: the
+versions of a file in an editor, and a text and its formatted form, have most statements in common. Ours: 1024 trees
+take about 5 MB, and reading a scenario of 2,000 characters again takes 7 ms instead of 14 ms (measured)."""
 _HOLDERS = ("add", "change")
 """Words in front of a whole statement, in a scenario that extends another."""
 
@@ -195,21 +195,19 @@ class _Reader:
         """Parse the head of a statement, with empty braces if it has any."""
         head = self._text[raw.start : raw.end]
         statement = head + " {}" if raw.block is not None else head
-        try:
-            tree = _kept_tree(statement, rule) if len(statement) <= _SHORT else parse_tree(statement, rule)
-        except UnexpectedInput as error:
-            self.errors.append(self._explained(error, raw, head, rule))
+        parsed = _kept(statement, rule) if len(statement) <= _SHORT else _parsed(statement, rule)
+        if isinstance(parsed, Refusal):
+            self.errors.append(self._explained(parsed, raw, head, rule))
             return None
         line, column = self._cut.lines.place(raw.start)
-        return _shifted(tree, line - 1, column - 1)
+        return _shifted(parsed, line - 1, column - 1)
 
-    def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> Diagnostic:
+    def _explained(self, refusal: Refusal, raw: Raw, head: str, rule: str) -> Diagnostic:
         label = _LABEL.match(head)
         if label is not None and label[1] in m.TAKEN:
             place = self._cut.lines.span(raw.start + label.start(1), raw.start + label.end(1))
             help = rename("give it another label", everywhere=True)
             return Diagnostic.of("FS049", f"'{label[1]}' is a word of the language", help, span=place)
-        refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)
         place = self._cut.lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
@@ -240,10 +238,18 @@ def _one_of_the_definitions(wrong: str) -> Help:
     return "a file defines one of: " + one_of(_DEFINITIONS, wrong=wrong)
 
 
+def _parsed(statement: str, rule: str) -> _Tree | Refusal:
+    """Return the tree of a statement, with empty braces instead of its block, or why the grammar refuses it."""
+    try:
+        return parse_tree(statement, rule)
+    except UnexpectedInput as error:
+        return Refusal(error, statement, rule)
+
+
 @lru_cache(maxsize=_KEPT)
-def _kept_tree(statement: str, rule: str) -> _Tree:
-    """Return the tree of a short statement, which must not be changed."""
-    return parse_tree(statement, rule)
+def _kept(statement: str, rule: str) -> _Tree | Refusal:
+    """Return the same for a short statement; the tree must not be changed."""
+    return _parsed(statement, rule)
 
 
 def _shifted(tree: _Tree, lines: int, columns: int) -> _Tree:
