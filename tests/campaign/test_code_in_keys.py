@@ -8,6 +8,8 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -53,20 +55,46 @@ EDITS = {
     "cli/options/common.py": set(),
 }
 """What an edit of a file of the package changes."""
-_ASK = """
-import json, sys
+_CODE = """
 from foresee_dsl.campaign.import_closure import code_of
-print(json.dumps({name: code_of(module) for name, module in json.loads(sys.argv[1]).items()}))
+
+def answer():
+    return {name: code_of(module) for name, module in json.loads(sys.argv[1]).items()}
 """
+_FORKS = """
+import json, os, sys
+{program}
+for _ in sys.stdin:
+    if os.fork() == 0:
+        print(json.dumps(answer()), flush=True)
+        os._exit(0)
+    os.wait()
+"""
+Answers = Callable[[], dict[str, object]]
 
 
-def code(tree: Path) -> dict[str, str]:
-    """Hashes of the code, by what it is the code of, as a process in a copy of the tree finds them."""
-    environment = {**os.environ, "PYTHONPATH": str(tree)}
-    command = [sys.executable, "-c", _ASK, json.dumps(PARTS)]
-    done = subprocess.run(command, env=environment, cwd=tree, check=True, capture_output=True, text=True)
-    found: dict[str, str] = json.loads(done.stdout)
-    return found
+@contextmanager
+def asked(program: str, *path: Path) -> Iterator[Answers]:
+    """Return what a program with these folders on its path answers each time: as a new process would, without its cost.
+
+    Each answer is that of a fork of a process which has imported what the program needs, and has read no source since.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))}
+    command = [sys.executable, "-c", _FORKS.format(program=program), json.dumps(PARTS)]
+    with subprocess.Popen(
+        command, env=environment, cwd=path[0], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        asking, answers = process.stdin, process.stdout
+        assert asking is not None and answers is not None
+
+        def answer() -> dict[str, object]:
+            asking.write("\n")
+            asking.flush()
+            found: dict[str, object] = json.loads(answers.readline())
+            return found
+
+        yield answer
+        asking.close()
 
 
 @pytest.fixture(scope="module")
@@ -78,40 +106,52 @@ def tree(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def unedited(tree: Path) -> dict[str, str]:
-    return code(tree)
+def code(tree: Path) -> Iterator[Answers]:
+    """Hashes of the code, by what it is the code of, as a process in the copy of the tree finds them."""
+    with asked(_CODE, tree) as answer:
+        yield answer
 
 
-def changed(tree: Path, unedited: dict[str, str], file: str, text: str) -> set[str]:
+@pytest.fixture(scope="module")
+def unedited(code: Answers) -> dict[str, object]:
+    return code()
+
+
+def changed(tree: Path, code: Answers, unedited: dict[str, object], file: str, text: str) -> set[str]:
     """What another text of a file changes."""
     edited = tree / "foresee_dsl" / file
     before = edited.read_text()
     assert text != before
     edited.write_text(text)
     try:
-        after = code(tree)
+        after = code()
     finally:
         edited.write_text(before)
     return {name for name in PARTS if after[name] != unedited[name]}
 
 
-def test_a_copy_of_the_tree_has_the_same_code(unedited: dict[str, str], root: Path) -> None:
-    assert unedited == code(root)
+def test_a_copy_of_the_tree_has_the_same_code(unedited: dict[str, object], root: Path) -> None:
+    with asked(_CODE, root) as answer:
+        assert unedited == answer()
     assert len(set(unedited.values())) == len(PARTS)
 
 
 @pytest.mark.parametrize("file", EDITS)
-def test_an_edit_changes_the_keys_of_what_runs_it(tree: Path, unedited: dict[str, str], file: str) -> None:
+def test_an_edit_changes_the_keys_of_what_runs_it(
+    tree: Path, code: Answers, unedited: dict[str, object], file: str
+) -> None:
     text = (tree / "foresee_dsl" / file).read_text()
-    assert changed(tree, unedited, file, f"{text}\nEDITED = 1\n") == EDITS[file]
+    assert changed(tree, code, unedited, file, f"{text}\nEDITED = 1\n") == EDITS[file]
 
 
-def test_a_careful_drivers_delay_decides_what_seeds_and_children_say(tree: Path, unedited: dict[str, str]) -> None:
+def test_a_careful_drivers_delay_decides_what_seeds_and_children_say(
+    tree: Path, code: Answers, unedited: dict[str, object]
+) -> None:
     """What `preventability` answers is in both results."""
     file = "avoidance/r157/risk.py"
     text = (tree / "foresee_dsl" / file).read_text()
     edited = re.sub(r"^DELAY_S = .*$", "DELAY_S = 0.8", text, flags=re.M)
-    assert changed(tree, unedited, file, edited) >= {"seed", "child"}
+    assert changed(tree, code, unedited, file, edited) >= {"seed", "child"}
 
 
 def test_imports_inside_functions_count_and_those_for_type_checkers_do_not() -> None:
@@ -160,25 +200,17 @@ PLUG_IN = {
     "acme_words-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: acme-words\nVersion: 1\n",
     "acme_words-1.dist-info/entry_points.txt": "[foresee_dsl.raster_views]\nwords = acme_words:WORDS\n",
 }
-_ASK_PLUG_IN = """
-import json
+_IDENTITIES = """
 from foresee_dsl.campaign.import_closure import import_closure
 from foresee_dsl.campaign.keys import driver_identity, ranker_identity, step_code
-print(json.dumps({
-    "ranker": ranker_identity("acme", "pdm"), "step": step_code("acme_search.ranker"),
-    "pdm": driver_identity("pdm"), "foresee": ranker_identity("foresee", "pdm"),
-    "closure": [name for name in import_closure(["acme_search.ranker"]) if not name.startswith("foresee_dsl")],
-}))
+
+def answer():
+    return {
+        "ranker": ranker_identity("acme", "pdm"), "step": step_code("acme_search.ranker"),
+        "pdm": driver_identity("pdm"), "foresee": ranker_identity("foresee", "pdm"),
+        "closure": [name for name in import_closure(["acme_search.ranker"]) if not name.startswith("foresee_dsl")],
+    }
 """
-
-
-def ask_plug_in(tree: Path, site: Path) -> dict[str, object]:
-    """Identities of a plug-in's ranker, of a step in it, and of ours, in a process with both on its path."""
-    environment = {**os.environ, "PYTHONPATH": f"{tree}{os.pathsep}{site}"}
-    command = [sys.executable, "-c", _ASK_PLUG_IN]
-    done = subprocess.run(command, env=environment, cwd=tree, check=True, capture_output=True, text=True)
-    found: dict[str, object] = json.loads(done.stdout)
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -192,8 +224,15 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def with_plug_in(tree: Path, site: Path) -> dict[str, object]:
-    return ask_plug_in(tree, site)
+def identities(tree: Path, site: Path) -> Iterator[Answers]:
+    """Identities of a plug-in's ranker, of a step in it, and of ours, in a process with both on its path."""
+    with asked(_IDENTITIES, tree, site) as answer:
+        yield answer
+
+
+@pytest.fixture(scope="module")
+def with_plug_in(identities: Answers) -> dict[str, object]:
+    return identities()
 
 
 def test_a_step_of_a_plug_in_has_the_code_that_it_imports_there(with_plug_in: dict[str, object]) -> None:
@@ -211,25 +250,25 @@ def test_a_step_of_a_plug_in_has_the_code_that_it_imports_there(with_plug_in: di
     ],
 )
 def test_an_edit_of_a_plug_in_changes_its_keys_and_none_of_ours(
-    file: str, changes: set[str], tree: Path, site: Path, with_plug_in: dict[str, object]
+    file: str, changes: set[str], site: Path, identities: Answers, with_plug_in: dict[str, object]
 ) -> None:
     before = (site / file).read_text()
     (site / file).write_text(f"{before}\nEDITED = 1\n")
     try:
-        after = ask_plug_in(tree, site)
+        after = identities()
     finally:
         (site / file).write_text(before)
     assert {name for name in after if after[name] != with_plug_in[name]} == changes
 
 
 def test_an_edit_of_ours_changes_the_keys_of_a_plug_in_that_imports_it(
-    tree: Path, site: Path, with_plug_in: dict[str, object]
+    tree: Path, identities: Answers, with_plug_in: dict[str, object]
 ) -> None:
     edited = tree / "foresee_dsl" / "forecast" / "baselines.py"
     before = edited.read_text()
     edited.write_text(f"{before}\nEDITED = 1\n")
     try:
-        after = ask_plug_in(tree, site)
+        after = identities()
     finally:
         edited.write_text(before)
     assert {name for name in after if after[name] != with_plug_in[name]} == {"ranker", "step"}

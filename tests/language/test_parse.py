@@ -185,6 +185,18 @@ def test_spans_of_fields_elements_and_values():
     assert document.spans[id(ego), ""] == Span(4, 1, 6, 2)
 
 
+def test_a_statement_that_was_read_before_has_its_own_places():
+    """Short statements are kept as they were parsed, and their places are counted anew each time."""
+    for lines, columns in ((0, 2), (0, 2), (3, 0), (1, 7)):
+        statement = "\n" * lines + " " * columns + "tags [one,\n two]"
+        document = scenario(f"{statement}\n{statement}")
+        for k, tags in enumerate(document.model.body):
+            line = 3 + lines + k * (lines + 2)
+            assert document.span(tags) == Span(line, columns + 1, line + 1, 6)
+            assert document.span(tags, "names.0") == Span(line, columns + 7, line, columns + 10)
+            assert document.span(tags, "names.1") == Span(line + 1, 2, line + 1, 5)
+
+
 def test_every_item_of_the_samples_has_a_place():
     from foresee_dsl.language.traversal import walk
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import cmath
 from collections import Counter
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +28,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.nets.net_reader import read_network
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.language.document import TestCase
 
 FAMILIES = {
@@ -59,15 +62,20 @@ def ways(network: RoadNetwork, routes: list[CarlaRoute], *, flip: bool = True) -
 
 
 @pytest.fixture(scope="module")
-def town10(carla: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("town10") / "out"
-    import_town(carla, "Town10HD", out)
-    return out
+def town_imported(carla: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Imported, Path]]:
+    """Import a town, once: what the import reports, and its folder."""
+
+    @cache
+    def imported(town: str) -> tuple[Imported, Path]:
+        out = tmp_path_factory.mktemp(town) / "out"
+        return import_town(carla, town, out), out
+
+    return imported
 
 
 @pytest.fixture(scope="module")
-def cases(town10: Path) -> dict[str, list[TestCase]]:
-    return cases_of(town10)
+def cases(town_imported: Callable[[str], tuple[Imported, Path]]) -> dict[str, list[TestCase]]:
+    return cases_of(town_imported("Town10HD")[1])
 
 
 @pytest.fixture(scope="module")
@@ -76,12 +84,14 @@ def bundles(cases: dict[str, list[TestCase]]) -> dict[str, list[SumoBundle]]:
 
 
 @pytest.mark.parametrize("town", ["Town10HD", "Town01", "Town02", pytest.param("Town03", marks=pytest.mark.slow)])
-def test_every_route_of_a_town_becomes_a_case(carla: Path, tmp_path: Path, town: str) -> None:
-    done = import_town(carla, town, tmp_path / "out")
+def test_every_route_of_a_town_becomes_a_case(
+    carla: Path, town_imported: Callable[[str], tuple[Imported, Path]], town: str
+) -> None:
+    done, out = town_imported(town)
     assert done.taken == {f"routes of family {family}": count for family, count in FAMILIES[town].items()}
     assert done.cases == sum(FAMILIES[town].values())
-    assert {f: len(group) for f, group in cases_of(tmp_path / "out").items()} == FAMILIES[town]
-    assert (tmp_path / "out" / Path(MAPS[town]).name).exists()
+    assert {f: len(group) for f, group in cases_of(out).items()} == FAMILIES[town]
+    assert (out / Path(MAPS[town]).name).exists()
     assert len({(route.start, route.end) for route in routes_of(carla, town)}) == DISTINCT[town]
 
 

@@ -139,7 +139,7 @@ def text_of(file: ScenarioFile) -> str:
 
 def misplaced(file: ScenarioFile, network: RoadNetwork, signals: Mapping[str, Signal]) -> bool:
     """Return whether the compiler cannot place the actors of a file's first case on its network."""
-    document = parse(text_of(file), f"{file.name}.foresee")
+    document = parse(_rendered(file), f"{file.name}.foresee")
     if not isinstance(document.model, Scenario):
         return True
     scenario = concretise(document.model, file.cases[0].name, document=document)

@@ -148,12 +148,14 @@ def through_of(network: RoadNetwork, edges: tuple[str, ...]) -> tuple[str, ...]:
 def length_to(line: RouteLine, place: Pose, least_m: float) -> float:
     """Return the position on a line that is nearest to a place, at `least_m` or later, m."""
     # A route may pass a place twice; the headings tell the two passages apart.
-    best = min(
-        (math.hypot(x - place.x, y - place.y) + _turned(angle, place), s)
-        for s, (x, y), angle in zip(line.marks, line.xy, line.angles, strict=True)
-        if s >= least_m
-    )
-    return max(line.project(place.x, place.y, best[1])[0], least_m)
+    best_m, best_s = math.inf, 0.0
+    for s, (x, y), angle in zip(line.marks, line.xy, line.angles, strict=True):
+        # The heading is compared only where the distance alone is not too large: at a few of thousands of points.
+        if s >= least_m and (away_m := math.hypot(x - place.x, y - place.y)) < best_m:
+            away_m += _turned(angle, place)
+            if away_m < best_m:
+                best_m, best_s = away_m, s
+    return max(line.project(place.x, place.y, best_s)[0], least_m)
 
 
 def _turned(angle: float, place: Pose) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -67,12 +68,19 @@ def resampled_sums(counts: Counts, names: Sequence[str]) -> FloatArray:
     return sums
 
 
+@lru_cache(maxsize=4)  # the rows of a table mostly have the same number of test cases; 10 MB for 120 of them
 def resamples(count: int, size: int = RESAMPLES) -> FloatArray:
-    """Return how often each of `count` test cases is drawn, [size, count]: one row per resample."""
+    """Return how often each of `count` test cases is drawn, [size, count]: one row per resample. It is read-only."""
     if not count:
         return np.zeros((size, 0))
-    rng = np.random.default_rng(SEED)
-    return rng.multinomial(count, np.full(count, 1 / count), size=size).astype(float)
+    return _drawn(np.random.default_rng(SEED), count, size)
+
+
+def _drawn(rng: np.random.Generator, count: int, size: int) -> FloatArray:
+    """Return how often each of `count` equally likely things is drawn in `count` draws, [size, count]; read-only."""
+    times = rng.multinomial(count, np.full(count, 1 / count), size=size).astype(float)
+    times.flags.writeable = False
+    return times
 
 
 def drawn_repetitions(repetitions: Sequence[Repetition], size: int) -> dict[Repetition, FloatArray]:
@@ -85,8 +93,7 @@ def drawn_repetitions(repetitions: Sequence[Repetition], size: int) -> dict[Repe
         drivers[repetition[0]].append(repetition)
     drawn: dict[Repetition, FloatArray] = {}
     for driver, own in drivers.items():
-        rng = np.random.default_rng([SEED, *driver.encode()])
-        times = rng.multinomial(len(own), np.full(len(own), 1 / len(own)), size=size).astype(float)
+        times = _drawn(np.random.default_rng([SEED, *driver.encode()]), len(own), size)
         drawn |= {repetition: times[:, k] for k, repetition in enumerate(own)}
     return drawn
 
