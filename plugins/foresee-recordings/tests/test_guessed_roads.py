@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from foresee_recordings.maps.from_tracks import guessed_roads, roads_of
 from foresee_recordings.maps.matching import route_of
 from foresee_recordings.reading import Request, read
@@ -48,6 +49,30 @@ def test_a_road_runs_along_each_way_that_vehicles_take(tmp_path: Path) -> None:
     for track in (tracks[0], tracks[3]):
         off = [abs(network.nearest_lane(x, y, heading).lateral_m) for x, y, heading, _ in track.states]  # type: ignore[union-attr]
         assert max(off) < 0.3
+
+
+@pytest.mark.parametrize(("east_m", "north_m"), [(0.0, 0.0), (0.37, 0.0), (-10_000.5, 20_000.25)])
+def test_vehicles_that_follow_each_other_are_on_one_road(tmp_path: Path, east_m: float, north_m: float) -> None:
+    """They were on two roads, one upon the other, and rounding decided which vehicle was on which."""
+
+    def ways(*ways: tuple[np.ndarray, np.ndarray]) -> tuple[Track, ...]:
+        return tuple(vehicle(str(k), xs + east_m, ys + north_m) for k, (xs, ys) in enumerate(ways))
+
+    straight = np.zeros(121)
+    ahead, middle, behind = (np.linspace(begin, begin + 120, 121) for begin in (150, 60, 0))
+    turns = np.linspace(0, 80, 81), np.concatenate((np.zeros(50), np.linspace(0, 40, 31)))
+    # The last one joins the two before it, which have nothing in common.
+    tracks = ways(
+        (ahead, straight), (np.linspace(-10, 90, 121), straight), (middle, straight), (behind, straight), turns
+    )
+    roads = guessed_roads(tracks)
+    assert roads is not None
+    assert roads.notes[0] == "the recording has no map: 2 roads are guessed from the tracks of 5 vehicles"
+    file = tmp_path / "guessed.net.xml"
+    file.write_text(roads.text, encoding="utf-8")
+    network = read_network(foreign_net(file))
+    assert len({route_of(track, network) for track in tracks[:4]}) == 1
+    assert route_of(tracks[4], network) != route_of(tracks[0], network)
 
 
 def test_only_recordings_without_a_map_get_guessed_roads() -> None:

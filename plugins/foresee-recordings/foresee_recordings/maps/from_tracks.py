@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -26,8 +27,17 @@ _BEYOND_M = 30.0
 """Length by which a road continues straight at both ends of its track, m. Ours: room to stop behind a goal."""
 _SAME_M, _SAME_RAD, _SAME_SHARE = 1.0, np.radians(30), 0.95
 """A track makes no road of its own if this share of it is this near to an earlier road in the same direction (ours)."""
+_OVERLAP_M = 10.0
+"""Least length for which a track runs along a road that it makes longer, m (ours: two vehicles)."""
 _MOST_ROADS = 300
 """Largest number of roads. Ours: more than the lanes of any intersection."""
+
+
+class _Road(NamedTuple):
+    """A road: points of its middle, m, [N, 2], and its width."""
+
+    line: FloatArray
+    width_m: float
 
 
 def roads_of(recording: Recording) -> RecordedMap | None:
@@ -38,29 +48,25 @@ def roads_of(recording: Recording) -> RecordedMap | None:
 def guessed_roads(tracks: Iterable[Track]) -> RecordedMap | None:
     """Return roads along the tracks of vehicles, the longest first; None if no vehicle moves.
 
-    Tracks that run along an earlier road share it. The roads are not connected: vehicles that SUMO drives stay on the
-    road of their track, and do not yield to vehicles on other roads.
+    Tracks that run along an earlier road share it, and make it longer where they go on. The roads are not connected:
+    vehicles that SUMO drives stay on the road of their track, and do not yield to vehicles on other roads.
     """
     tracks = tuple(tracks)
     lines = [(track, line) for track in tracks if track.kind in _VEHICLES and (line := _line(track)) is not None]
     lines.sort(key=lambda item: -length_of(item[1]))
-    lanes: dict[str, Lane] = {}
-    centres: list[shapely.LineString] = []
+    roads: list[_Road] = []
     for track, line in lines:
-        if len(lanes) >= _MOST_ROADS:
-            break
-        if not _covered(line, centres):
-            lane = _lane(str(len(lanes)), _extended(line), max(_WIDTH_M, track.width_m + _BESIDE_M))
-            lanes[lane.id] = lane
-            centres.append(shapely.LineString(lane.centre))
+        if not any(_covers(_extended(road.line), line) for road in roads):
+            _add(roads, _Road(line, max(_WIDTH_M, track.width_m + _BESIDE_M)))
+    lanes = {str(k): _lane(str(k), _extended(road.line), road.width_m) for k, road in enumerate(roads[:_MOST_ROADS])}
     if not lanes:
         return None
-    roads = network_of(LaneMap(lanes), usual_speed(tracks), junctions=False)
+    network = network_of(LaneMap(lanes), usual_speed(tracks), junctions=False)
     notes = (
         f"the recording has no map: {len(lanes)} roads are guessed from the tracks of {len(lines)} vehicles",
         "the guessed roads are not connected, so vehicles on different roads do not yield to each other",
     )
-    return replace(roads, notes=(*notes, *roads.notes))
+    return replace(network, notes=(*notes, *network.notes))
 
 
 def _line(track: Track) -> FloatArray | None:
@@ -73,20 +79,43 @@ def _line(track: Track) -> FloatArray | None:
     return line if len(line) > 1 and length_of(line) >= _SHORTEST_M else None
 
 
-def _covered(line: FloatArray, centres: list[shapely.LineString]) -> bool:
-    """Return whether a line runs along one of the roads."""
-    points = np.asarray(shapely.points(line))
+def _add(roads: list[_Road], new: _Road) -> None:
+    """Add a road, or make an earlier one longer, of which it is the beginning or the rest: a vehicle that follows
+    another one in its lane is recorded on another stretch of it."""
+    for k, road in enumerate(roads):
+        longer = _joined(road.line, new.line)
+        if longer is not None:
+            roads[k] = _Road(longer, max(road.width_m, new.width_m))
+            roads[k + 1 :] = [other for other in roads[k + 1 :] if not _covers(_extended(longer), other.line)]
+            return
+    roads.append(new)
+
+
+def _joined(road: FloatArray, line: FloatArray) -> FloatArray | None:
+    """Return a road's line together with what a track has before and behind it; None if one leaves the other."""
+    centre = shapely.LineString(road)
+    marks = shapely.line_locate_point(centre, np.asarray(shapely.points(line)))
+    before, behind = marks <= 0.0, marks >= centre.length
+    beside = ~(before | behind)
+    if not beside.any() or np.ptp(marks[beside]) < _OVERLAP_M or not _covers(road, line[beside]):
+        return None
+    first, last = np.flatnonzero(beside)[[0, -1]]
+    return np.vstack((line[:first][before[:first]], road, line[last + 1 :][behind[last + 1 :]]))
+
+
+def _covers(road: FloatArray, line: FloatArray) -> bool:
+    """Return whether a line, of at least two points, runs along a road."""
+    if len(line) < 2:
+        return False
+    centre, points = shapely.LineString(road), np.asarray(shapely.points(line))
+    if centre.distance(points[len(points) // 2]) >= _SAME_M:
+        return False
     x, y = np.gradient(line, axis=0).T
-    for centre in centres:
-        if centre.distance(points[len(points) // 2]) >= _SAME_M:
-            continue
-        marks = shapely.line_locate_point(centre, points)
-        ahead, behind = (shapely.get_coordinates(shapely.line_interpolate_point(centre, marks + d)) for d in (1, -1))
-        along = ahead - behind
-        turn = np.abs(np.arctan2(along[:, 0] * y - along[:, 1] * x, along[:, 0] * x + along[:, 1] * y))
-        if ((shapely.distance(centre, points) < _SAME_M) & (turn < _SAME_RAD)).mean() >= _SAME_SHARE:
-            return True
-    return False
+    marks = shapely.line_locate_point(centre, points)
+    ahead, behind = (shapely.get_coordinates(shapely.line_interpolate_point(centre, marks + d)) for d in (1, -1))
+    along = ahead - behind
+    turn = np.abs(np.arctan2(along[:, 0] * y - along[:, 1] * x, along[:, 0] * x + along[:, 1] * y))
+    return bool(((shapely.distance(centre, points) < _SAME_M) & (turn < _SAME_RAD)).mean() >= _SAME_SHARE)
 
 
 def _extended(line: FloatArray) -> FloatArray:
