@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.drivers.protocol import Control, Observation
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.language.model import Comparison, Expect, Measure, Predicate, Quantity
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
@@ -95,6 +96,31 @@ def test_a_driver_that_breaks_is_a_result(town: Town) -> None:
     assert "ZeroDivisionError: no road" in result.reason
     assert result.trace.frames == 12
     assert "NaN" in run(scene(town), Nan()).reason
+
+
+def test_a_driver_cannot_change_what_later_runs_use(town: Town) -> None:
+    bundle = scene(town, goal_s=60.0)
+    before = run(bundle, load_driver("pdm")).trace.digest
+
+    class Shifts(LaneKeeper):
+        def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+            mission.centreline[:] -= mission.centreline[0]
+
+    class Slows(LaneKeeper):
+        def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+            mission.speed_limit_mps[:] *= 0.5
+
+    class MovesLanes(LaneKeeper):
+        def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+            assert mission.road_map is not None
+            for lane in mission.road_map.lanes.values():
+                lane.centre[:] -= mission.centreline[0]
+
+    for kind in (Shifts, Slows, MovesLanes):
+        broken = run(bundle, kind(8.0))
+        assert broken.verdict is Verdict.CRASH
+        assert "read-only" in broken.reason
+    assert run(bundle, load_driver("pdm")).trace.digest == before
 
 
 def test_stuck_needs_nothing_to_wait_for(town: Town) -> None:
