@@ -12,13 +12,15 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+import inspect
 import sys
 import sysconfig
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import DriverError
@@ -50,13 +52,14 @@ class PythonFileDriver:
         version = short_hash(*(sources[source] for source in sorted(sources)))
         try:
             _use(file, version, sources)
-            driver = getattr(_module(file), name)()
+            driver_type = getattr(_module(file), name, None)
+            if not callable(driver_type):
+                raise DriverError(f"{path} has no class {name}; {USAGE}")
+            if needed := _needed_by(driver_type):
+                raise DriverError(f"{name} of {path} is created without arguments; give {needed} a default value")
+            driver: Any = driver_type()
         except DriverError:
             raise
-        except AttributeError as err:
-            if err.name != name:
-                raise DriverError(f"python:{argument} cannot be created: {err}") from err
-            raise DriverError(f"{path} has no class {name}; {USAGE}") from err
         except Exception as err:  # the file may raise anything
             raise DriverError(f"python:{argument} cannot be created: {type(err).__name__}: {err}") from err
         if missing := [method for method in ("reset", "step") if not callable(getattr(driver, method, None))]:
@@ -68,6 +71,17 @@ class PythonFileDriver:
         driver.version = f"{getattr(driver, 'version', '1')} {version}"
         checked: Driver = driver
         return checked
+
+
+def _needed_by(driver_type: Callable[..., object]) -> str:
+    """Return the arguments that a class cannot be created without, in words."""
+    try:
+        parameters = inspect.signature(driver_type).parameters.values()
+    except (TypeError, ValueError):  # a class of a library in C may have no signature
+        return ""
+    return ", ".join(
+        p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+    )
 
 
 @dataclass

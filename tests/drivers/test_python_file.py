@@ -17,6 +17,8 @@ from foresee_dsl.drivers.protocol import Control
 import beside
 from beside_too import brake
 
+brake_s = 2.0
+
 class Mine:
     def reset(self, mission, vehicle, seed): pass
     def step(self, observation): return Control(0.0, beside.THROTTLE, brake())
@@ -26,6 +28,9 @@ class Named(Mine):
 
 class Broken:
     def __init__(self): raise ValueError("no weights")
+
+class Needs(Mine):
+    def __init__(self, weights, scale=1.0): pass
 
 class NotADriver:
     def step(self, observation): pass
@@ -123,11 +128,15 @@ def test_a_module_that_python_takes_from_elsewhere_is_an_error(file: Path) -> No
         ("python:mine.py", "names no class of a file; write python:FILE.py:CLASS"),
         ("python:nowhere.py:Mine", "nowhere.py cannot be read: No such file"),
         ("python:FILE:Yours", "has no class Yours"),
+        ("python:FILE:brake_s", "has no class brake_s"),
+        ("python:FILE:Needs", "is created without arguments; give weights a default value"),
         ("python:FILE:Broken", "cannot be created: ValueError: no weights"),
         ("python:FILE:NotADriver", "is not a driver: it has no method reset"),
     ],
 )
 def test_mistakes_say_what_to_write(file: Path, address: str, message: str) -> None:
     address = address.replace("FILE", str(file))
-    with allowing([address]), pytest.raises(DriverError, match=message):
+    with allowing([address]), pytest.raises(DriverError, match=message) as caught:
         load_driver(address)
+    # An exception of the driver's own code is the outcome of its runs; the other errors are known before them.
+    assert (caught.value.__cause__ is not None) == address.endswith("Broken")
