@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.language.model import Comparison, Expect, Measure, Predicate, Quantity
@@ -121,6 +123,21 @@ def test_a_driver_cannot_change_what_later_runs_use(town: Town) -> None:
         assert broken.verdict is Verdict.CRASH
         assert "read-only" in broken.reason
     assert run(bundle, load_driver("pdm")).trace.digest == before
+
+
+@pytest.mark.parametrize(("waits_s", "why"), [(0, "the driver raised OSError: no answer"), (9, "for its close")])
+def test_a_driver_that_cannot_be_closed_is_named(town: Town, waits_s: float, why: str) -> None:
+    class NotClosed(LaneKeeper):
+        def close(self) -> None:
+            time.sleep(waits_s)
+            raise OSError("no answer")
+
+    result = run(scene(town, goal_s=60.0), NotClosed(8.0), deadlines=Deadlines(step_s=0.5))
+    first, *more = result.notes.traceback.splitlines()
+    assert result.verdict is Verdict.PASS
+    assert first.startswith("the driver could not be closed after the run, which counts all the same: the driver ")
+    assert why in first
+    assert more[0].startswith("Traceback")
 
 
 def test_stuck_needs_nothing_to_wait_for(town: Town) -> None:
