@@ -25,6 +25,7 @@ from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.consent import allowing
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.notebooks import show_as
@@ -73,13 +74,18 @@ def run(case: str | Path | TestCase, driver: str | Driver | type = "pdm", *, see
             start it), an object with the methods of a driver, or its class.
 
     Raises:
-        InputError: the file has errors. DriverError: there is no such driver.
+        InputError: the file has errors. DriverError: there is no such driver, or the object is not a driver.
     """
     test_case = case if isinstance(case, TestCase) else load_test_case(case)
     if isinstance(driver, str):
         with allowing([driver]):
             return run_test_case(test_case, driver, seed)
     loaded = driver() if isinstance(driver, type) else driver
+    if missing := [name for name in ("name", "version", "reset", "step") if not hasattr(loaded, name)]:
+        raise DriverError(
+            f"{driver!r} is not a driver: it has no {' and no '.join(missing)}; a driver has the texts `name` and "
+            "`version`, and the methods `reset(mission, vehicle, seed)` and `step(observation)`"
+        )
     return DriverSetup(loaded.name, seed).run(test_case, lambda: loaded)
 
 

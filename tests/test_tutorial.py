@@ -5,11 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import foresee_dsl as fs
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.project.loading import load_test_case
 from tests.support.first_project import foresee
 
@@ -58,6 +60,12 @@ def test_the_package_offers_the_same_as_the_commands(project: Path, monkeypatch:
     assert repr(theirs).startswith("RunResult(verdict=<Verdict.PASS") and "trace=" not in repr(theirs)
     with pytest.raises(AttributeError, match="no attribute 'walk'"):
         fs.walk  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize("driver", [None, len, object, 5])
+def test_what_is_no_driver_is_refused(project: Path, driver: Any) -> None:
+    with pytest.raises(DriverError, match=r"is not a driver: it has no .*step; a driver has the texts `name` and"):
+        fs.run(str(project / "scenarios" / "main_street.foresee::steps_out"), driver)
 
 
 def test_the_package_is_imported_quickly_and_a_script_needs_no_guard(project: Path) -> None:

@@ -2,16 +2,25 @@
 
 The file is read anew for each run, in foresee's own process. It is a program: a file that names one starts it only with
 the user's consent (`drivers.consent`).
+
+Modules beside the file that it imports are part of the driver: its version covers them. Two drivers may have modules of
+one name (`params`), so each driver's own are those that can be imported from when it is loaded until another driver is.
 """
 
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.util
+import inspect
 import sys
-from collections.abc import Iterator
+import sysconfig
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import DriverError
@@ -39,15 +48,18 @@ class PythonFileDriver:
         file = Path(path)
         if file.suffix != ".py" or not name.isidentifier():
             raise DriverError(f"python:{argument} names no class of a file; {USAGE}")
-        version = _version(file)
+        sources = _sources(file)
+        version = short_hash(*(sources[source] for source in sorted(sources)))
         try:
-            driver = getattr(_module(file), name)()
+            _use(file, version, sources)
+            driver_type = getattr(_module(file), name, None)
+            if not callable(driver_type):
+                raise DriverError(f"{path} has no class {name}; {USAGE}")
+            if needed := _needed_by(driver_type):
+                raise DriverError(f"{name} of {path} is created without arguments; give {needed} a default value")
+            driver: Any = driver_type()
         except DriverError:
             raise
-        except AttributeError as err:
-            if err.name != name:
-                raise DriverError(f"python:{argument} cannot be created: {err}") from err
-            raise DriverError(f"{path} has no class {name}; {USAGE}") from err
         except Exception as err:  # the file may raise anything
             raise DriverError(f"python:{argument} cannot be created: {type(err).__name__}: {err}") from err
         if missing := [method for method in ("reset", "step") if not callable(getattr(driver, method, None))]:
@@ -61,27 +73,122 @@ class PythonFileDriver:
         return checked
 
 
+def _needed_by(driver_type: Callable[..., object]) -> str:
+    """Return the arguments that a class cannot be created without, in words."""
+    try:
+        parameters = inspect.signature(driver_type).parameters.values()
+    except (TypeError, ValueError):  # a class of a library in C may have no signature
+        return ""
+    return ", ".join(
+        p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+    )
+
+
+@dataclass
+class _Beside:
+    """The modules beside a driver's file that it imports; a finder of Python's import system.
+
+    Attributes:
+        folder: the folder of the file. version: hash of the file and these modules. names: their names, for a module in
+            a package the package's. modules: what was imported, while another driver drives.
+    """
+
+    folder: Path
+    version: str
+    names: frozenset[str]
+    modules: dict[str, ModuleType] = field(default_factory=dict)
+
+    def find_spec(self, name: str, path: object = None, _target: object = None) -> ModuleSpec | None:
+        """Find a module beside the file; `path` is None unless the module is inside a package."""
+        return PathFinder.find_spec(name, [str(self.folder)]) if path is None and name in self.names else None
+
+    def put_away(self) -> None:
+        """Let no other driver import these modules; who has imported them keeps them."""
+        if self in sys.meta_path:
+            sys.meta_path.remove(self)
+        loaded = [(name, sys.modules[name]) for name in self.names if name in sys.modules]
+        own = {name for name, module in loaded if self.has(getattr(module, "__spec__", None))}
+        self.modules |= {name: sys.modules.pop(name) for name in (*sys.modules,) if name.partition(".")[0] in own}
+
+    def put_back(self) -> None:
+        """Let the driver import these modules, also while it drives.
+
+        Raises:
+            DriverError: a module of the process, of Python or of an installed package has one of the names.
+        """
+        for name in sorted(self.names):
+            if not self._is_free(name):
+                raise DriverError(
+                    f"the driver in {self.folder} imports {name}, and another module called {name} is in use already; "
+                    "give the file beside the driver another name"
+                )
+        sys.modules.update(self.modules)
+        self.modules.clear()
+        sys.meta_path.insert(0, self)
+
+    def has(self, spec: ModuleSpec | None) -> bool:
+        """Return whether a module is a file or a package of this folder."""
+        if spec is None:  # a program made the module
+            return False
+        places = (*(spec.submodule_search_locations or ()), *([spec.origin] if spec.origin else ()))
+        return any(Path(place).parent.resolve() == self.folder for place in places)
+
+    def _is_free(self, name: str) -> bool:
+        if name in sys.modules:
+            return False
+        installed = [folder for folder in sys.path if folder in sysconfig.get_paths().values()]
+        spec = PathFinder.find_spec(name, installed)
+        return name not in sys.stdlib_module_names and (spec is None or spec.origin is None or self.has(spec))
+
+
+_all: dict[Path, _Beside] = {}
+"""The modules beside the files of all drivers that were loaded in this process, by file."""
+
+
+def _use(file: Path, version: str, sources: Mapping[Path, bytes]) -> None:
+    """Let a driver import the modules beside its file, and not those that another driver or an older version imported.
+
+    Raises:
+        DriverError: another module has one of their names.
+    """
+    for other in _all.values():
+        other.put_away()
+    file = file.resolve()
+    own = _all.get(file)
+    if own is None or own.version != version:
+        importlib.invalidate_caches()
+        names = {source.relative_to(file.parent).parts[0].removesuffix(".py") for source in sources if source != file}
+        own = _all[file] = _Beside(file.parent, version, frozenset(names - {__name__.partition(".")[0]}))
+        own.put_away()
+        own.modules.clear()
+    own.put_back()
+
+
 def _module(file: Path) -> ModuleType:
     """Execute a file and return it as a module; modules beside it can be imported, as by a program."""
     folder = str(file.resolve().parent)
-    if folder not in sys.path:
+    if folder not in sys.path:  # for modules whose names the file computes
         sys.path.append(folder)  # at the end, so that a file beside the driver replaces no module of foresee
     spec = importlib.util.spec_from_file_location(f"foresee_driver_{file.stem}", file.resolve())
     if spec is None or spec.loader is None:
         raise DriverError(f"{file} is not a Python file; {USAGE}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up while the file is executed
-    spec.loader.exec_module(module)
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a stored one hides edits of the same second
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.dont_write_bytecode = writes
     return module
 
 
-def _version(file: Path) -> str:
-    """Return a hash of a file and of the modules beside it that it imports, also by way of each other."""
+def _sources(file: Path) -> dict[Path, bytes]:
+    """Return the contents of a file and of the modules beside it that it imports, also by way of each other."""
     try:
-        sources = {file: read_outside(file)}
+        sources = {file.resolve(): read_outside(file)}
     except OSError as err:
         raise DriverError(f"the driver {file} cannot be read: {err.strerror or err}; {USAGE}") from None
-    waiting = [file]
+    waiting = [file := file.resolve()]
     while waiting:
         for module in _imports(sources[waiting.pop()]):
             beside = file.parent.joinpath(*module.split("."))
@@ -89,7 +196,7 @@ def _version(file: Path) -> str:
                 if source not in sources and source.is_file():
                     sources[source] = read_outside(source)
                     waiting.append(source)
-    return short_hash(*(sources[source] for source in sorted(sources)))
+    return sources
 
 
 def _imports(source: bytes) -> Iterator[str]:

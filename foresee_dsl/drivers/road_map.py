@@ -132,6 +132,13 @@ class RoadMap:
             return read_outside_text(Path(folder) / "map.xodr")
 
 
+def read_only(array: FloatArray) -> FloatArray:
+    """Return a view of an array that cannot be written to: what a driver gets once is shared with later runs."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 def build_road_map(network: RoadNetwork, route: Sequence[str], net_file: Path) -> RoadMap:
     """Return the road map of a mission.
 
@@ -159,7 +166,9 @@ def _parts(
     crossings = tuple(
         MapCrossing(crossing.id, _outline(crossing.lane), crossing.junction) for crossing in network.crossings.values()
     )
-    outlines = {name: np.array(junction.polygon) for name, junction in network.junctions.items() if junction.polygon}
+    outlines = {
+        name: read_only(np.array(junction.polygon)) for name, junction in network.junctions.items() if junction.polygon
+    }
     return MappingProxyType(lanes), crossings, MappingProxyType(outlines)
 
 
@@ -182,15 +191,15 @@ def _connections(network: RoadNetwork) -> tuple[_Links, _Links]:
 
 
 def _map_lane(network: RoadNetwork, lane: Lane, successors: tuple[str, ...], predecessors: tuple[str, ...]) -> MapLane:
-    centre = np.array(distinct(lane.shape))
+    centre = read_only(np.array(distinct(lane.shape)))
     through = network.movements_through(lane.id)
     movement = through[0] if through else None
     left, right = (_neighbour(network, lane, side) for side in (1, -1))
     return MapLane(
         id=lane.id,
         centre=centre,
-        left=_beside(centre, lane.width_m / 2),
-        right=_beside(centre, -lane.width_m / 2),
+        left=read_only(_beside(centre, lane.width_m / 2)),
+        right=read_only(_beside(centre, -lane.width_m / 2)),
         speed_limit_mps=lane.speed_mps,
         width_m=lane.width_m,
         users=lane.kinds,
@@ -226,14 +235,14 @@ def _stop_lines(network: RoadNetwork, lanes: Mapping[str, MapLane], route: froze
     for name, movements in ways.items():
         own = next((m for m in movements if name in route and not route.isdisjoint((*m.via, m.to_lane))), movements[0])
         lane = lanes[name]
-        stop_lines.append(StopLine(name, np.array([lane.left[-1], lane.right[-1]]), _signal(own)))
+        stop_lines.append(StopLine(name, read_only(np.array([lane.left[-1], lane.right[-1]])), _signal(own)))
     return stop_lines
 
 
 def _outline(lane: Lane) -> FloatArray:
     """Return the outline of a lane, [K, 2] m."""
     centre = np.array(distinct(lane.shape))
-    return np.concatenate([_beside(centre, lane.width_m / 2), _beside(centre, -lane.width_m / 2)[::-1]])
+    return read_only(np.concatenate([_beside(centre, lane.width_m / 2), _beside(centre, -lane.width_m / 2)[::-1]]))
 
 
 def _beside(centre: FloatArray, left_m: float) -> FloatArray:

@@ -13,7 +13,7 @@ from foresee_dsl.compile.roads.conflicts import Conflict, conflicts_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
-from foresee_dsl.drivers.road_map import build_road_map, lanes_along
+from foresee_dsl.drivers.road_map import build_road_map, lanes_along, read_only
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -38,6 +38,8 @@ priority."""
 def mission_of(bundle: SumoBundle) -> Mission:
     """Return the ego's mission; raises `SimulationError` if the ego has no route.
 
+    Its arrays are read-only, because they belong to the test case, which later runs use too.
+
     The mission's centreline continues for 80 m beyond the goal, or to the end of the network; where the route ends
     earlier, the line goes straight on.
     """
@@ -50,11 +52,11 @@ def mission_of(bundle: SumoBundle) -> Mission:
     n = int(np.searchsorted(line.s, goal_s + BEYOND_GOAL_M)) + 1
     lanes = lanes_along(line.pieces, 0.0, float(line.s[:n][-1]))
     return Mission(
-        centreline=line.points[:n],
-        s=line.s[:n],
-        speed_limit_mps=np.minimum(line.speed_limit[:n], max(ego.cruise_mps, 0.1)),
-        left_m=line.left_m[:n],
-        right_m=line.right_m[:n],
+        centreline=read_only(line.points[:n]),
+        s=read_only(line.s[:n]),
+        speed_limit_mps=read_only(np.minimum(line.speed_limit[:n], max(ego.cruise_mps, 0.1))),
+        left_m=read_only(line.left_m[:n]),
+        right_m=read_only(line.right_m[:n]),
         start_s=bundle.scene.start_s,
         goal_s=goal_s,
         junctions=tuple(_junction(p, bundle.network, states) for p in line.passages if p.entry_s < line.s[:n][-1]),
@@ -92,7 +94,7 @@ def _junction(passage: Passage, network: RoadNetwork, states: Mapping[str, tuple
 
 def _foe(conflict: Conflict, entry_s: float, own: tuple[str, int], states: Mapping[str, tuple[str, ...]]) -> Foe:
     return Foe(
-        path=conflict.path,
+        path=read_only(conflict.path),
         entry_s=conflict.entry_s,
         conflict_s=(entry_s + conflict.own[0], entry_s + conflict.own[1]),
         conflict_path_s=conflict.other,

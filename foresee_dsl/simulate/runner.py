@@ -20,7 +20,7 @@ from foresee_dsl.language.campaign_values import RULES_MODE, RulesMode
 from foresee_dsl.measuring import Part, count_run
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.driver_faults import DriverFault, DriverHangs, fault_of, one_line, place_of
+from foresee_dsl.simulate.driver_faults import DriverHangs, fault_of, one_line, place_of
 from foresee_dsl.simulate.driver_watch import DriverWatch
 from foresee_dsl.simulate.ground_truth import GroundTruth, control_for
 from foresee_dsl.simulate.judging import Frame, Judging
@@ -37,6 +37,9 @@ from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
 from foresee_dsl.simulate.world import World
+
+CLOSE_FAILED = "the driver could not be closed after the run, which counts all the same"
+"""The beginning of a run's traceback if the driver's `close` raised an exception or hung."""
 
 
 def run(
@@ -91,22 +94,26 @@ def run(
             fault = _closed(driver, watch)
     count_run(result.duration_s)
     printed = files.text() if files is not None else ""
-    if fault is None and not printed:
+    if not fault and not printed:
         return result
-    trace = result.notes.traceback or (fault.traceback if fault is not None else "")
+    trace = result.notes.traceback or fault
     return replace(result, notes=replace(result.notes, output=printed, traceback=trace))
 
 
-def _closed(driver: Driver, watch: DriverWatch) -> DriverFault | None:
-    """Close a driver that has a method `close`; return its exception, which does not change the verdict."""
+def _closed(driver: Driver, watch: DriverWatch) -> str:
+    """Close a driver that has a method `close`; return its exception, which does not change the verdict, in words and
+    with its traceback.
+    """
     if not isinstance(driver, Closing):
-        return None
+        return ""
     try:
         with watch.call("close"):
             driver.close()
     except (Exception, SystemExit, DriverHangs) as err:
-        return fault_of(err)
-    return None
+        fault = fault_of(err)
+        text = str(err) if isinstance(err, DriverHangs) else fault.text
+        return f"{CLOSE_FAILED}: {text}\n{fault.traceback}".rstrip()
+    return ""
 
 
 class Run:

@@ -17,6 +17,7 @@ from foresee_dsl.campaign.conformance.suite import (
     check_handover,
     check_parts,
     check_place,
+    check_process,
     check_repetition,
     check_reset,
     check_speed,
@@ -98,6 +99,9 @@ class Chdir(MyDriver):
         os.environ["HOME"] = "/"
         with open("driver.log", "a") as log: log.write("reset")
 
+class Stuck(MyDriver):
+    def close(self): raise OSError("no answer")
+
 class Parts(MyDriver):
     parts = ("tracking",)
     def idealise(self, ideal, truth): raise NotImplementedError("tracking")
@@ -156,6 +160,12 @@ def test_units_of_speed_are_checked(folder: Path) -> None:
 
 def test_a_driver_beside_the_lane_fails(folder: Path) -> None:
     failed(check_place(drive(folder, "Aside").case(case("straight_road"))), "left of the lane's middle")
+
+
+def test_a_driver_that_cannot_be_closed_fails(folder: Path) -> None:
+    run = drive(folder, "Stuck").case(case("straight_road"))
+    assert run.passed
+    failed(check_process([run]), "could not be closed after the run", "OSError: no answer, at faults.py:")
 
 
 def test_a_driver_that_is_not_deterministic_fails(folder: Path) -> None:

@@ -136,7 +136,8 @@ def test_all_cases_of_a_file(bad: tuple[Foresee, Path]) -> None:
 
 @pytest.mark.parametrize("verb", ["run", "assess"])
 @pytest.mark.parametrize(
-    "address", ["external:no_such_program_here", "python:no_such_file.py:Mine", "gym:missing.onnx"]
+    "address",
+    ["external:no_such_program_here", "external:python3 'x", "python:no_such_file.py:Mine", "gym:missing.onnx"],
 )
 def test_an_address_that_names_nothing_is_an_error_of_the_command(
     bad: tuple[Foresee, Path], verb: str, address: str

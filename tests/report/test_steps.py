@@ -14,8 +14,11 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.drivers.consent import allowing
 from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.document import TestCase
+from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.show.page import Page
 from foresee_dsl.report.show.sources import ShownRun
 from foresee_dsl.report.show.steps import ShownStep, recorded_steps, step_lines
@@ -49,6 +52,23 @@ def test_asking_for_reasons_changes_nothing(case: TestCase, driver: str) -> None
     assert same
     assert all(step.reasons for step in found)
     assert len({reason.rule for step in found for reason in step.reasons}) > (driver == "idm")
+
+
+@pytest.mark.parametrize(
+    ("body", "why"),
+    [("return 'because'", "returned 'because'; return a list"), ("raise ValueError('x')", "raised ValueError: x, at ")],
+)
+def test_a_driver_whose_reasons_are_none_is_named(case: TestCase, tmp_path: Path, body: str, why: str) -> None:
+    (tmp_path / "odd.py").write_text(
+        f"from foresee_dsl.drivers.idm import IdmDriver\nclass Odd(IdmDriver):\n    def explain(self): {body}\n",
+        encoding="utf-8",
+    )
+    odd = f"python:{tmp_path / 'odd.py'}:Odd"
+    with allowing([odd]), pytest.raises(DriverError, match="does not explain its answers: .*" + why):
+        recorded_steps(ShownRun("hidden_walker.foresee", case, run_test_case(case, odd, 0).trace, odd, 0))
+    with allowing([odd]):
+        page = write_view(case.id, tmp_path / "page.html", driver=odd, allow_outside=True)
+    assert "does not explain its answers: " in page.read_text(encoding="utf-8")
 
 
 def test_the_walker_is_why_it_brakes(steps: tuple[ShownStep, ...], shown: ShownRun) -> None:

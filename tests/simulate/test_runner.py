@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from foresee_dsl.drivers.protocol import Control, Observation
+from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.language.model import Comparison, Expect, Measure, Predicate, Quantity
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
@@ -95,6 +98,46 @@ def test_a_driver_that_breaks_is_a_result(town: Town) -> None:
     assert "ZeroDivisionError: no road" in result.reason
     assert result.trace.frames == 12
     assert "NaN" in run(scene(town), Nan()).reason
+
+
+def test_a_driver_cannot_change_what_later_runs_use(town: Town) -> None:
+    bundle = scene(town, goal_s=60.0)
+    before = run(bundle, load_driver("pdm")).trace.digest
+
+    class Shifts(LaneKeeper):
+        def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+            mission.centreline[:] -= mission.centreline[0]
+
+    class Slows(LaneKeeper):
+        def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+            mission.speed_limit_mps[:] *= 0.5
+
+    class MovesLanes(LaneKeeper):
+        def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+            assert mission.road_map is not None
+            for lane in mission.road_map.lanes.values():
+                lane.centre[:] -= mission.centreline[0]
+
+    for kind in (Shifts, Slows, MovesLanes):
+        broken = run(bundle, kind(8.0))
+        assert broken.verdict is Verdict.CRASH
+        assert "read-only" in broken.reason
+    assert run(bundle, load_driver("pdm")).trace.digest == before
+
+
+@pytest.mark.parametrize(("waits_s", "why"), [(0, "the driver raised OSError: no answer"), (9, "for its close")])
+def test_a_driver_that_cannot_be_closed_is_named(town: Town, waits_s: float, why: str) -> None:
+    class NotClosed(LaneKeeper):
+        def close(self) -> None:
+            time.sleep(waits_s)
+            raise OSError("no answer")
+
+    result = run(scene(town, goal_s=60.0), NotClosed(8.0), deadlines=Deadlines(step_s=0.5))
+    first, *more = result.notes.traceback.splitlines()
+    assert result.verdict is Verdict.PASS
+    assert first.startswith("the driver could not be closed after the run, which counts all the same: the driver ")
+    assert why in first
+    assert more[0].startswith("Traceback")
 
 
 def test_stuck_needs_nothing_to_wait_for(town: Town) -> None:

@@ -177,7 +177,7 @@ def _split(command_line: str) -> list[str]:
     try:
         command = shlex.split(command_line)
     except ValueError as err:
-        raise DriverError(f"external:{command_line} cannot be split into words: {err}".rstrip(".")) from err
+        raise DriverError(f"external:{command_line} cannot be split into words: {err}".rstrip(".")) from None
     if not command:
         raise DriverError(f"external names no program; {USAGE}")
     if shutil.which(command[0]) is None:

@@ -19,7 +19,7 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.documents import or_null, where_set
 from foresee_dsl.drivers.consent import may_start
-from foresee_dsl.errors import ForeseeError, InputError
+from foresee_dsl.errors import DriverError, ForeseeError, InputError
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Doc, Mutant, Origin, Quantity
 from foresee_dsl.language.parser import load
@@ -313,8 +313,12 @@ class Reader:
 
 
 def _reasons(run: ShownRun) -> list[list[Any]]:
-    """Return the driver's own reasons, [time, [text, ...]] wherever they change; none if it drives otherwise now."""
-    steps, same = recorded_steps(run, every_s=REASONS_EVERY_S)
+    """Return the driver's own reasons, [time, [text, ...]] wherever they change; none if it drives otherwise now, and
+    what is wrong with them instead if they cannot be read."""
+    try:
+        steps, same = recorded_steps(run, every_s=REASONS_EVERY_S)
+    except DriverError as err:
+        return [[0.0, [str(err)]]]
     reasons: list[list[Any]] = []
     for step in steps if same else ():
         texts = list(reason_texts(step, run.trace))

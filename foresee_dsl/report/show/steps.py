@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +22,10 @@ from foresee_dsl.drivers.protocol import (
     Trajectory,
 )
 from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.errors import DriverError
 from foresee_dsl.report.safe_text import safe, shortened
 from foresee_dsl.report.show.sources import ShownRun
+from foresee_dsl.simulate.driver_faults import fault_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
@@ -56,6 +58,8 @@ class RecordingDriver(TimedDriver):
         """Prepare to record one step in every `every_s`, from `from_s` to `to_s`, s."""
         super().__init__(driver)
         self.steps: list[ShownStep] = []
+        self.fault = ""
+        """What is wrong with the driver's reasons, in words."""
         self._from_s, self._to_s = from_s, to_s
         self._every = max(round(every_s / STEP_S), 1)
 
@@ -64,19 +68,40 @@ class RecordingDriver(TimedDriver):
         answer = super().step(observation)
         now_s = observation.time_s
         if self._from_s - 1e-6 <= now_s <= self._to_s + 1e-6 and round(now_s / STEP_S) % self._every == 0:
-            reasons = tuple(self._driver.explain()) if isinstance(self._driver, Explaining) else ()
             measured_s = now_s if observation.measured_s is None else observation.measured_s
             seen = observation.actors, dict(observation.signals)
-            self.steps.append(ShownStep(now_s, measured_s, observation.ego, *seen, answer, reasons))
+            self.steps.append(ShownStep(now_s, measured_s, observation.ego, *seen, answer, self._reasons()))
         return answer
+
+    def _reasons(self) -> tuple[Reason, ...]:
+        if not isinstance(self._driver, Explaining):
+            return ()
+        try:
+            reasons: object = self._driver.explain()
+        except Exception as err:  # it must not end the run, which is compared with the one that is shown
+            self.fault = fault_of(err).text
+            return ()
+        if isinstance(reasons, Sequence) and all(isinstance(reason, Reason) for reason in reasons):
+            return tuple(reasons)
+        self.fault = f"`explain` of the driver returned {reasons!r:.80}"
+        return ()
 
 
 def recorded_steps(
     original: ShownRun, from_s: float = 0.0, to_s: float = math.inf, every_s: float = STEP_S
 ) -> tuple[tuple[ShownStep, ...], bool]:
-    """Repeat a run and return its steps, and whether the repeated run is identical to the run that is shown."""
+    """Repeat a run and return its steps, and whether the repeated run is identical to the run that is shown.
+
+    Raises:
+        DriverError: the driver's `explain` does not return reasons.
+    """
     driver = RecordingDriver(load_driver(original.driver), from_s, to_s, every_s)
     result = run(original.bundle, driver, seed=original.seed, sensors=sensors_of(original.driver))
+    if driver.fault:
+        raise DriverError(
+            f"{original.driver} does not explain its answers: {driver.fault}; return a list of `Reason`s "
+            "(foresee_dsl.drivers.protocol), or leave `explain` out"
+        )
     return tuple(driver.steps), result.trace.digest == original.trace.digest
 
 

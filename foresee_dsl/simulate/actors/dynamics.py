@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import atan, cos, inf, isnan, sin
+from math import atan, cos, inf, isfinite, sin
 from types import MappingProxyType
 
 import numpy as np
@@ -128,8 +128,8 @@ class Bicycle:
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` does not change.
 
-        A control value out of range counts as the nearest allowed value; a NaN or a value that is not a number raises a
-        `ValueError`.
+        A control value out of range counts as the nearest allowed value; a NaN, an infinite value or one that is not
+        a number raises a `ValueError`.
         """
         row = np.array((state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer))
         self.move(row.view(_STATE), Control(*checked(control)), dt)
@@ -174,20 +174,24 @@ class Bicycle:
 
 
 def checked(control: Control) -> tuple[float, float, float]:
-    """Return steer, throttle and brake as floats, each moved to the nearest allowed value; a value that is NaN or not a
-    number raises a `ValueError`.
+    """Return steer, throttle and brake as floats, each moved to the nearest allowed value; a value that is NaN,
+    infinite or not a number, such as the text `0.1`, raises a `ValueError`.
     """
     try:
-        steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
+        steer, throttle, brake = control.steer, control.throttle, control.brake
+        # The values are compared before `float` reads them, because a text can be read but not compared.
+        if -1.0 <= steer <= 1.0 and 0.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0:
+            # The sum of -0.0 and 0.0 is 0.0, as for values that are moved.
+            return float(steer), float(throttle) + 0.0, float(brake) + 0.0
+        finite = isfinite(steer) and isfinite(throttle) and isfinite(brake)
     except (TypeError, ValueError, AttributeError) as err:
         raise ValueError(
             f"the driver answered {control!r}; it must answer a Control with the numbers steer, throttle and brake, "
             "or a Trajectory"
         ) from err
-    if -1.0 <= steer <= 1.0 and 0.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0:
-        return steer, throttle + 0.0, brake + 0.0  # the sum of -0.0 and 0.0 is 0.0, as for other values below
-    if isnan(steer) or isnan(throttle) or isnan(brake):
-        raise ValueError(f"the driver answered {control!r}, in which a value is NaN")
+    if not finite:
+        raise ValueError(f"the driver answered {control!r}, in which a value is NaN or infinite")
+    steer, throttle, brake = float(steer), float(throttle), float(brake)
     return max(-1.0, min(1.0, steer)), max(0.0, min(1.0, throttle)), max(0.0, min(1.0, brake))
 
 

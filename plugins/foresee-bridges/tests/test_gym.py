@@ -144,6 +144,8 @@ def test_a_reset_with_a_seed_repeats_case_and_run() -> None:
     assert env.reset(options={"case": "r02"})[1]["case"].endswith("::r02")
     with pytest.raises(ValueError, match=r"'r99' names no test case of this environment; name one of .*r01"):
         env.reset(options={"case": "r99"})
+    with pytest.raises(ValueError, match="reset has no option 'cse'; its options are case and run_seed"):
+        env.reset(options={"cse": "r01"})
 
 
 def test_pictures_can_be_observed() -> None:

@@ -24,6 +24,9 @@ PER_METRE = 0.1
 FAILURE = -10.0
 """Reward of a failure. Ours: see `PER_METRE`."""
 
+_OPTIONS = ("case", "run_seed")
+"""Options of `reset`."""
+
 Array = NDArray[Any]
 
 
@@ -92,10 +95,12 @@ class ForeseeEnv(gymnasium.Env[Array, Array]):
                 the same controls give the same trace as `foresee run`.
 
         Raises:
-            ValueError: `case` names no or several test cases of this environment.
+            ValueError: `case` names no or several test cases of this environment, or there is no such option.
         """
         super().reset(seed=seed, options=options)
         wanted = options or {}
+        if unknown := [name for name in wanted if name not in _OPTIONS]:
+            raise ValueError(f"reset has no option {unknown[0]!r}; its options are {' and '.join(_OPTIONS)}")
         case = int(self.np_random.integers(len(self._cases)))
         run_seed = int(self.np_random.integers(2**31))
         if "case" in wanted:
