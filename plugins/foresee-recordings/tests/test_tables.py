@@ -161,6 +161,33 @@ def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:
     assert kmh.tracks[0].states[0, 3] == 10.0 and len(kmh.notes) == 2
 
 
+def driven(*speeds: float, heading: float = 0.0) -> str:
+    """A table of actors that drive east with 10 m/s for 8 s; `speeds`: those that it has of them, m/s."""
+    rows = [f"{k / 10},a{n},{k},{5 * n},{heading},{speed}\n" for n, speed in enumerate(speeds) for k in range(80)]
+    return "t,id,x,y,heading_rad,speed\n" + "".join(rows)
+
+
+@pytest.mark.parametrize("speed", [0.0, -10.0, 0.01])
+def test_speeds_that_the_positions_contradict(tmp_path: Path, speed: float) -> None:
+    why = (
+        rf"positions of a0, a1 move, .* negative or near 0 \(a0: 10.0 m/s by its positions, {speed:.1f} m/s recorded\)"
+    )
+    with pytest.raises(RecordingError, match=why):
+        table(tmp_path, driven(speed, speed))
+    notes = table(tmp_path, driven(10, 10, speed)).notes
+    assert any(note.startswith("The positions of a2 move, but") for note in notes)
+
+
+def test_an_actor_with_speeds_in_another_unit_is_named(tmp_path: Path) -> None:
+    notes = table(tmp_path, driven(10, 10, 36)).notes
+    assert "The positions of a2 move with 0.28 times their recorded speeds, which may be in another unit." in notes
+
+
+def test_a_vehicle_that_reverses_may_have_negative_speeds(tmp_path: Path) -> None:
+    reverses = driven(-10, -10, heading=math.pi)
+    assert not any("speeds" in note for note in table(tmp_path, reverses).notes)
+
+
 def test_numbers_that_are_far_too_large_are_counted(tmp_path: Path) -> None:
     rows = [f"{k / 10},a,{k},0,0,{1e9 if k == 4 else 10}" for k in range(20)] + ["2,a,1e300,0,0,0", "1e200,a,0,0,0,0"]
     recording = table(tmp_path, "t,id,x,y,heading,speed\n" + "\n".join(rows) + "\n")

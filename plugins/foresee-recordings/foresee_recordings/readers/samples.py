@@ -45,6 +45,12 @@ _UNIT_FACTOR, _DOUBTFUL_FACTOR = 5.0, 1.5
 km/h differ by 3.6 and are noted, milliseconds, degrees and pixels differ by more."""
 _CHECKED_STEPS = 50
 """Number of moving steps that the check of units needs. Ours."""
+_WINDOW_S, _CHECKED_WINDOWS = 1.0, 3
+"""Length of the windows in which an actor's motion is compared with its recorded speeds, s, and the number of them in
+which it must move. Ours: in 1 s a noise of 7 cm is 0.07 m/s, far below `_MOVING_MPS`; from step to step at 25 Hz it
+would be 2 m/s."""
+_NAMED = 5
+"""Number of actors that a note names. Ours."""
 _LARGEST_M, _LATEST_S = 1e8, 1e11
 """Places and times beyond these are damaged, m and s. Ours: UTM's northings reach 1e7 m, and 1e11 s are 3,000 years."""
 _SAME_M = 0.01
@@ -166,7 +172,7 @@ class Samples:
         path = source or self._request.path
         tracks: list[Track] = []
         motions = {actor: list(self._motions(actor)) for actor in list(self._buffers)}
-        self._check_units(path, [motion for parts in motions.values() for motion in parts])
+        self._check_units(path, motions)
         names = set(motions)
         for actor, parts in motions.items():
             form = shapes.get(actor)
@@ -260,22 +266,40 @@ class Samples:
         buffer = next(iter(self._buffers.values()), None)
         return np.full(2, math.nan) if buffer is None else np.array(buffer[1:3])
 
-    def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
-        """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
+    def _check_units(self, path: Path, motions: Mapping[str, list[FloatArray]]) -> None:
+        """Raise if the positions cannot be in metres, the times in seconds or the speeds in m/s; note speeds that
+        differ."""
         if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
             raise RecordingError(
                 f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
                 "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
             )
-        ratio = _speed_ratio(motions)
-        if ratio is None:
-            return
-        if not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
+        ratio = _speed_ratio([motion for parts in motions.values() for motion in parts])
+        if ratio is not None and not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
             raise RecordingError(
                 f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
                 "the times not in seconds (geographic coordinates, pixels, milliseconds)"
             )
-        if not 1 / _DOUBTFUL_FACTOR < ratio < _DOUBTFUL_FACTOR:
+        windows = {actor: _windows(parts, self.heading_unit) for actor, parts in motions.items()}
+        ratios = {actor: own for actor, rows in windows.items() if (own := _signed_ratio(rows)) is not None}
+        if opposed := [actor for actor, own in ratios.items() if own < 0 or own > _UNIT_FACTOR]:
+            moved, recorded = np.nanmedian(windows[opposed[0]][:, :2], axis=0)
+            which = f"the positions of {_some(opposed)} move, but their recorded speeds are negative or near 0"
+            example = f"{opposed[0]}: {moved:.1f} m/s by its positions, {recorded:.1f} m/s recorded"
+            if len(opposed) > len(ratios) / 2:
+                raise RecordingError(
+                    f"{path}: {which} ({example}); correct the speeds, or leave them out: then those of the "
+                    "positions are used"
+                )
+            self.note(f"{which[0].upper()}{which[1:]} ({example}).")
+        doubtful = [actor for actor, own in ratios.items() if 0 < own <= _UNIT_FACTOR and _is_doubtful(own)]
+        if doubtful and len(doubtful) <= len(ratios) / 2:
+            own = float(np.median([ratios[actor] for actor in doubtful]))
+            self.note(
+                f"The positions of {_some(doubtful)} move with {own:.2f} times their recorded speeds, which may be in "
+                "another unit."
+            )
+        elif ratio is not None and _is_doubtful(ratio):
             self.note(f"The positions move with {ratio:.2f} times the recorded speeds, which may be in another unit.")
 
     def _track(self, name: str, form: Shape, rows: FloatArray, offset: tuple[float, float]) -> Track:
@@ -314,6 +338,48 @@ def _speed_ratio(motions: list[FloatArray]) -> float | None:
         ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
     checked = np.concatenate(ratios) if ratios else np.empty(0)
     return float(np.median(checked)) if len(checked) >= _CHECKED_STEPS else None
+
+
+def _is_doubtful(ratio: float) -> bool:
+    return not 1 / _DOUBTFUL_FACTOR < ratio < _DOUBTFUL_FACTOR
+
+
+def _windows(parts: list[FloatArray], heading_unit: float) -> FloatArray:
+    """Return the motion of an actor in windows of a second in which it moves or has a speed, [N, 4]: speed of its
+    positions and mean recorded speed (m/s), direction of motion and recorded heading (rad; NaN without)."""
+    windows = [np.empty((0, 4))]
+    for rows in parts:
+        begins = np.arange(rows[0, 0], rows[-1, 0] + _ROUNDING_S, _WINDOW_S)
+        ends = np.unique(np.searchsorted(rows[:, 0], begins - _ROUNDING_S))
+        if len(ends) < 2:
+            continue
+        lasts_s, *way = np.diff(rows[ends, :3], axis=0).T
+        steps_m = np.diff(rows[:, 0]) * (rows[1:, 4] + rows[:-1, 4]) / 2
+        recorded = np.add.reduceat(steps_m[: ends[-1]], ends[:-1]) / lasts_s
+        moved = np.hypot(*way) / lasts_s
+        headings = rows[(ends[:-1] + ends[1:]) // 2, 3] * heading_unit
+        moving = (moved > _MOVING_MPS) | (np.abs(recorded) > _MOVING_MPS)
+        windows.append(np.column_stack((moved, recorded, np.arctan2(way[1], way[0]), headings))[moving])
+    return np.concatenate(windows)
+
+
+def _signed_ratio(windows: FloatArray) -> float | None:
+    """Return the median speed of an actor's positions in relation to its recorded speed: infinite if that is 0,
+    negative if it is below 0 although the actor moves ahead; None for too few windows."""
+    known = windows[np.isfinite(windows[:, 1])]
+    if len(known) < _CHECKED_WINDOWS:
+        return None
+    moved, recorded, direction, heading = known.T
+    backwards = np.cos(heading - direction) < 0  # False without a heading: then it is that of the motion
+    speeds = np.where(backwards, np.abs(recorded), recorded)
+    ratios = np.divide(moved, speeds, out=np.full(len(known), math.inf), where=speeds != 0)
+    return float(np.median(ratios))
+
+
+def _some(actors: list[str]) -> str:
+    """Return the names of actors for a note, the first ones of many."""
+    more = len(actors) - _NAMED
+    return ", ".join(actors[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _directions(rows: FloatArray) -> FloatArray:
