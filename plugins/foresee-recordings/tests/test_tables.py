@@ -188,6 +188,36 @@ def test_a_vehicle_that_reverses_may_have_negative_speeds(tmp_path: Path) -> Non
     assert not any("speeds" in note for note in table(tmp_path, reverses).notes)
 
 
+@pytest.mark.parametrize("heading", [1.0, math.pi, -math.pi / 2])
+def test_headings_that_the_motion_contradicts(tmp_path: Path, heading: float) -> None:
+    with pytest.raises(
+        RecordingError, match=r"headings of a0, a1 differ by \d+ degrees .* counter-clockwise from east"
+    ):
+        table(tmp_path, driven(10, 10, heading=heading))
+    one, other = driven(10, 10, heading=heading).splitlines(), driven(10, 10).splitlines()
+    mixed = table(tmp_path, "\n".join([*other[:81], *one[81:]]) + "\n")  # one of them may reverse
+    assert any(note.startswith("The headings of a1 differ by") for note in mixed.notes)
+
+
+def test_headings_of_many_turns_are_in_degrees(tmp_path: Path) -> None:
+    text = driven(10, 10, heading=361.0)
+    with pytest.raises(RecordingError, match=r"'heading_rad' reach 361, .* --columns heading_deg=heading_rad"):
+        table(tmp_path, text)
+    (track, _) = table(tmp_path, text, columns={"heading_deg": "heading_rad"}).tracks
+    assert track.states[0, 2] == pytest.approx(math.radians(1))
+
+
+def test_headings_may_be_noisy_and_turn(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    rows = ["t,id,x,y,heading_rad,speed"]
+    for n in range(4):  # turning at 0.4 rad/s with 4 m/s, at 25 Hz, blurred by 5 cm and 5 degrees
+        for k in range(200):
+            heading = 0.4 * k / 25 + n
+            x, y = 10 * math.sin(heading) + random.normal(0, 0.05), -10 * math.cos(heading) + random.normal(0, 0.05)
+            rows.append(f"{k / 25},a{n},{x + 50 * n},{y},{heading + random.normal(0, 0.09)},4")
+    assert not any("differ" in note or "speeds" in note for note in table(tmp_path, "\n".join(rows) + "\n").notes)
+
+
 def test_numbers_that_are_far_too_large_are_counted(tmp_path: Path) -> None:
     rows = [f"{k / 10},a,{k},0,0,{1e9 if k == 4 else 10}" for k in range(20)] + ["2,a,1e300,0,0,0", "1e200,a,0,0,0,0"]
     recording = table(tmp_path, "t,id,x,y,heading,speed\n" + "\n".join(rows) + "\n")

@@ -49,6 +49,13 @@ _WINDOW_S, _CHECKED_WINDOWS = 1.0, 3
 """Length of the windows in which an actor's motion is compared with its recorded speeds, s, and the number of them in
 which it must move. Ours: in 1 s a noise of 7 cm is 0.07 m/s, far below `_MOVING_MPS`; from step to step at 25 Hz it
 would be 2 m/s."""
+_TURNED_RAD = math.radians(30)
+"""Median angle between an actor's recorded headings and the direction of its motion from which on they disagree, rad.
+Ours: a noise of 5 cm is 4 degrees over 1 m, and a reference point at the bumper deviates by 30 degrees only in tight
+turns; headings in degrees, against the sense or from north differ by more for most directions.
+"""
+_WALKING = ("pedestrian", "obstacle")
+"""Kinds whose headings are not checked: they need not face where they move."""
 _NAMED = 5
 """Number of actors that a note names. Ours."""
 _LARGEST_M, _LATEST_S = 1e8, 1e11
@@ -172,7 +179,16 @@ class Samples:
         path = source or self._request.path
         tracks: list[Track] = []
         motions = {actor: list(self._motions(actor)) for actor in list(self._buffers)}
-        self._check_units(path, motions)
+        windows = {actor: _windows(parts, self.heading_unit) for actor, parts in motions.items()}
+        self._check_units(path, motions, windows)
+        self._check_headings(
+            path,
+            {
+                actor: windows[actor]
+                for actor, shape in shapes.items()
+                if actor in windows and shape.kind not in _WALKING
+            },
+        )
         names = set(motions)
         for actor, parts in motions.items():
             form = shapes.get(actor)
@@ -266,7 +282,9 @@ class Samples:
         buffer = next(iter(self._buffers.values()), None)
         return np.full(2, math.nan) if buffer is None else np.array(buffer[1:3])
 
-    def _check_units(self, path: Path, motions: Mapping[str, list[FloatArray]]) -> None:
+    def _check_units(
+        self, path: Path, motions: Mapping[str, list[FloatArray]], windows: Mapping[str, FloatArray]
+    ) -> None:
         """Raise if the positions cannot be in metres, the times in seconds or the speeds in m/s; note speeds that
         differ."""
         if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
@@ -280,7 +298,6 @@ class Samples:
                 f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
                 "the times not in seconds (geographic coordinates, pixels, milliseconds)"
             )
-        windows = {actor: _windows(parts, self.heading_unit) for actor, parts in motions.items()}
         ratios = {actor: own for actor, rows in windows.items() if (own := _signed_ratio(rows)) is not None}
         if opposed := [actor for actor, own in ratios.items() if own < 0 or own > _UNIT_FACTOR]:
             moved, recorded = np.nanmedian(windows[opposed[0]][:, :2], axis=0)
@@ -301,6 +318,25 @@ class Samples:
             )
         elif ratio is not None and _is_doubtful(ratio):
             self.note(f"The positions move with {ratio:.2f} times the recorded speeds, which may be in another unit.")
+
+    def _check_headings(self, path: Path, windows: Mapping[str, FloatArray]) -> None:
+        """Raise if most moving vehicles have headings that are not the directions of their motion; note single ones.
+
+        A vehicle may reverse, so a single one is not an error.
+        """
+        angles = {actor: angle for actor, rows in windows.items() if (angle := _turned_rad(rows)) is not None}
+        turned = [actor for actor, angle in angles.items() if angle > _TURNED_RAD]
+        if not turned:
+            return
+        degrees = math.degrees(float(np.median([angles[actor] for actor in turned])))
+        which = f"the headings of {_some(turned)} differ by {degrees:.0f} degrees from the directions of their motion"
+        if len(turned) > max(len(angles) / 2, 1):
+            raise RecordingError(
+                f"{path}: {which}, so they are in another unit, or not counter-clockwise from east (a table's columns "
+                "are heading_rad or heading_deg); correct the headings, or leave them out: then those of the motion "
+                "are used"
+            )
+        self.note(f"{which[0].upper()}{which[1:]}: reversing, or wrong headings.")
 
     def _track(self, name: str, form: Shape, rows: FloatArray, offset: tuple[float, float]) -> Track:
         """Return the track of a motion, with the headings and speeds that the file has not."""
@@ -374,6 +410,16 @@ def _signed_ratio(windows: FloatArray) -> float | None:
     speeds = np.where(backwards, np.abs(recorded), recorded)
     ratios = np.divide(moved, speeds, out=np.full(len(known), math.inf), where=speeds != 0)
     return float(np.median(ratios))
+
+
+def _turned_rad(windows: FloatArray) -> float | None:
+    """Return the median angle between an actor's headings and the directions of its motion, rad, from 0 to pi; None for
+    too few windows. With a negative speed, it should move against its heading."""
+    moved, recorded, direction, heading = windows[(windows[:, 0] > _MOVING_MPS) & np.isfinite(windows[:, 3])].T
+    if len(moved) < _CHECKED_WINDOWS:
+        return None
+    ahead = heading + np.where(recorded < 0, math.pi, 0.0)
+    return float(np.median(np.abs(np.remainder(ahead - direction + math.pi, 2 * math.pi) - math.pi)))
 
 
 def _some(actors: list[str]) -> str:

@@ -40,6 +40,8 @@ from east. `heading` is in degrees if any value is more than a full turn of radi
 _PER_S: Mapping[str, float] = {"time_s": 1.0, "time_ms": 1e-3, "time_ns": 1e-9}
 _TURN_RAD = 6.4
 """Headings above this are in degrees. Ours: a full turn and some rounding."""
+_MOST_RAD = 8 * math.pi
+"""If most headings are beyond this, they cannot be in rad. Ours: four turns, if an actor's turns are counted on."""
 _KMH = 3.6
 
 
@@ -69,7 +71,7 @@ class TableReader:
             time_of = _time(rows, columns, request)
             motion_of, shape_in = _motion(columns), _shape(columns, unknown)
             actor, x, y = columns["actor"], columns["x_m"], columns["y_m"]
-            widest = 0.0
+            widest, count, far = 0.0, 0, 0
             for row in rows.rows:
                 try:
                     name, time_s = row[actor].strip(), time_of(row)
@@ -77,10 +79,17 @@ class TableReader:
                         continue
                     heading, speed = motion_of(row)
                     widest = max(widest, abs(heading))
+                    count, far = count + 1, far + (abs(heading) > _MOST_RAD)
                     if samples.add(name, time_s, number(row[x]), number(row[y]), heading, speed) and name not in shapes:
                         shapes[name] = shape_in(row)
                 except ValueError as err:
                     raise rows.error(f"a value is not a number ({err})") from None
+        if "heading_rad" in columns and far > count / 2:
+            theirs = rows.columns[columns["heading_rad"]]
+            raise RecordingError(
+                f"{request.path}: the headings in {theirs!r} reach {widest:.0f}, so they are not in rad: write "
+                f"--columns heading_deg={theirs} if they are in degrees"
+            )
         if "heading" in columns and widest > _TURN_RAD:
             samples.heading_unit = math.pi / 180
             samples.note(f"Headings reach {widest:.0f}: they are in degrees.")
