@@ -161,6 +161,12 @@ def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:
     assert kmh.tracks[0].states[0, 3] == 10.0 and len(kmh.notes) == 2
 
 
+@pytest.mark.parametrize(("name", "used"), [("foo", "it uses rate_hz"), ("recording", "it uses rate_hz")])
+def test_numbers_that_a_reader_does_not_use(tmp_path: Path, name: str, used: str) -> None:
+    with pytest.raises(RecordingError, match=rf"the reader table does not use --number {name}: {used}"):
+        table(tmp_path, driven(10), numbers={name: 50.0, "rate_hz": 10.0})
+
+
 def driven(*speeds: float, heading: float = 0.0) -> str:
     """A table of actors that drive east with 10 m/s for 8 s; `speeds`: those that it has of them, m/s."""
     rows = [f"{k / 10},a{n},{k},{5 * n},{heading},{speed}\n" for n, speed in enumerate(speeds) for k in range(80)]

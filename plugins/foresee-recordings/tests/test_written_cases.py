@@ -203,6 +203,8 @@ def test_what_cannot_be_used_is_said(recorded: Recorded, tmp_path: Path) -> None
         write_seconds(Traffic(alone), "walker", tmp_path, Choice())
     with pytest.raises(RecordingError, match="no actor 'nobody'"):
         write_seconds(recorded.traffic, "ego", tmp_path, Choice(driven=frozenset({"nobody"})))
+    with pytest.raises(RecordingError, match=r"walker is of the class pedestrian, .* leave out --drive walker"):
+        write_seconds(recorded.traffic, "ego", tmp_path, Choice(driven=frozenset({"walker"})))
 
 
 def test_models_have_the_recorded_size(recorded: Recorded) -> None:

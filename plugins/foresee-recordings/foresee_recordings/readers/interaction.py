@@ -27,6 +27,7 @@ class InteractionReader:
     """The tables of the INTERACTION data set."""
 
     what: ClassVar[str] = "INTERACTION: vehicle_tracks_NNN.csv with pedestrian_tracks_NNN.csv, or their folder"
+    numbers: ClassVar[tuple[str, ...]] = ("recording", "case")
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is such a table, or a folder has one."""

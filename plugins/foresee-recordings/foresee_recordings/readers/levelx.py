@@ -28,6 +28,7 @@ class LevelXReader:
     """The data sets of levelXdata."""
 
     what: ClassVar[str] = "inD, rounD, exiD, uniD, highD: NN_tracks.csv with its two Meta tables, or their folder"
+    numbers: ClassVar[tuple[str, ...]] = ("recording",)
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is a table of tracks with its Meta tables beside it, or a folder has one."""

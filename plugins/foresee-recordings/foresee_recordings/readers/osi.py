@@ -43,6 +43,7 @@ class OsiReader:
     """ASAM OSI ground truth."""
 
     what: ClassVar[str] = "ASAM OSI: traces of GroundTruth or SensorView (.osi, .mcap), omega-prime (.mcap, .parquet)"
+    numbers: ClassVar[tuple[str, ...]] = ()
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is MCAP, a Parquet file of omega-prime, or has OSI's suffix."""

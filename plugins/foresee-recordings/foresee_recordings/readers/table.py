@@ -49,6 +49,7 @@ class TableReader:
     """Any table with a row for each sample."""
 
     what: ClassVar[str] = "any table (CSV) with a row for each sample of an actor; its columns can be named"
+    numbers: ClassVar[tuple[str, ...]] = ("rate_hz",)
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether the first line has usual names for the columns of time, actor, x and y."""

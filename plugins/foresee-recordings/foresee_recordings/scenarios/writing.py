@@ -26,6 +26,8 @@ from foresee_recordings.scenarios.tracks_file import plain_name, samples, tracks
 
 _PREFIX = {"pedestrian": "p", "bicycle": "b", "obstacle": "o"}
 """Beginnings of actors' names by class; `v` for vehicles."""
+_ON_TRACKS = ("pedestrian", "obstacle")
+"""Classes that SUMO does not drive."""
 _PIN_DIGITS = 12
 
 
@@ -64,7 +66,8 @@ def write_cases(
     """Write a test case for each situation that can be one, and the files that they use.
 
     Raises:
-        RecordingError: the recording has no roads that a test case can use, or an actor of `driven` is not in it.
+        RecordingError: the recording has no roads that a test case can use, or an actor of `driven` is not in it or
+            always follows its track.
     """
     if not situations:
         return ()
@@ -170,7 +173,10 @@ def _write(traffic: Traffic, tasks: Sequence[_Task], folder: Path, choice: Choic
     if roads is None:
         raise RecordingError(f"{recording.source.name} has no roads, and no vehicle in it moves; name a map with --map")
     for name in choice.driven:
-        recording.track(name)
+        if (kind := recording.track(name).kind) in _ON_TRACKS:
+            raise RecordingError(
+                f"{name} is of the class {kind}, which always follows its track: leave out --drive {name}"
+            )
     writer = _Writer(traffic, roads, network_of(roads), Models(), folder, choice)
     drafts = [writer.draft(task) for task in tasks]  # all of them before the first text: they share their models
     shared, texts = writer.shared()
@@ -204,7 +210,7 @@ def _roles(
     roles = []
     for k, name, track_name in zip(numbers, names, track_names, strict=True):
         track = traffic.tracks[k]
-        wheels = track.kind not in ("pedestrian", "obstacle")
+        wheels = track.kind not in _ON_TRACKS
         later = _from(track, cut.begins_s)
         route = route_of(later, network, offset) if wheels else ()
         role = Role(name, track, track_name, models.of(track), route)
