@@ -65,8 +65,11 @@ def test_of_several_recordings_one_is_named(tmp_path: Path) -> None:
     ind(tmp_path, rows(1, 5), "7,1,0,4,5,1.8,4.5,car\n")
     for name in ("tracks", "tracksMeta", "recordingMeta"):
         (tmp_path / f"11_{name}.csv").write_bytes((tmp_path / f"07_{name}.csv").read_bytes())
-    with pytest.raises(RecordingError, match=r"name one of its tables of tracks \(07_tracks.csv, 11_tracks.csv\)"):
+    tables = r"its tables of tracks are 07_tracks.csv, 11_tracks.csv: write --number recording=7, for example"
+    with pytest.raises(RecordingError, match=f"has more than one recording; {tables}"):
         read(Request(tmp_path))
+    with pytest.raises(RecordingError, match=f"has no recording 5; {tables}"):
+        read(Request(tmp_path, numbers={"recording": 5}))
     assert read(Request(tmp_path, numbers={"recording": 11})).source.name == "11_tracks.csv"
 
 
@@ -147,6 +150,13 @@ def test_missing_columns_are_listed(
     file.write_text("n,who,east,north\n1,a,0,0\n")
     with pytest.raises(RecordingError, match=message):
         read(Request(file, columns=columns, numbers=numbers), "table")
+
+
+@pytest.mark.parametrize(("column", "ours"), [("t", "time_s"), ("id", "actor"), ("x", "x_m"), ("y", "y_m")])
+def test_a_table_without_a_needed_column_is_recognised(tmp_path: Path, column: str, ours: str) -> None:
+    text = driven(10).replace(f"{column},", "other,", 1)
+    with pytest.raises(RecordingError, match=f"no column that is called like our {ours}: .* its columns are"):
+        table(tmp_path, text)
 
 
 def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from foresee_recordings.readers.classes import Shape, kind_of, shape_of
 from foresee_recordings.readers.samples import Samples
-from foresee_recordings.readers.tables import Table, number, table
+from foresee_recordings.readers.tables import Table, listed, number, table
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import Recording, RecordingError
 
@@ -78,11 +78,15 @@ def _tracks_file(request: Request) -> Path:
             raise RecordingError(f"{path}: the name of a table of tracks ends with `_tracks.csv`")
         return path
     files = _tables_in(path)
+    recordings = {file: file.name.partition("_")[0] for file in files}
     if (wanted := request.numbers.get("recording")) is not None:
-        files = [file for file in files if file.name.partition("_")[0].lstrip("0") == f"{wanted:g}".lstrip("0")]
+        files = [file for file in files if recordings[file].lstrip("0") == f"{wanted:g}".lstrip("0")]
     if len(files) != 1:
-        names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
-        raise RecordingError(f"{path}: name one of its tables of tracks ({names}), or write --number recording=7")
+        names = listed([file.name for file in recordings], 20) or "none"
+        first = next(iter(recordings.values()), "")
+        advice = f"write --number recording={int(first)}, for example" if first.isdigit() else "name one of them"
+        has = f"no recording {wanted:g}" if wanted is not None and not files else "more than one recording"
+        raise RecordingError(f"{path} has {has}; its tables of tracks are {names}: {advice}")
     return files[0]
 
 
