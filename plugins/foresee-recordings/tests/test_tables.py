@@ -36,8 +36,8 @@ def test_ind_has_centres_headings_in_degrees_and_frames(tmp_path: Path) -> None:
     assert truck.time_s == pytest.approx([0, 0.04, 0.08, 0.12, 0.16])
     assert truck.states[2] == pytest.approx([0.0, 0.8, math.pi / 2, 10.0])
     assert (pedestrian.kind, pedestrian.length_m, pedestrian.sized) == ("pedestrian", 0.4, False)
-    assert recording.left_out == {"actors of an unknown class": 1, "actors that are not in tracksMeta": 2}
-    assert recording.notes == ("The file has no sizes of kind pedestrian: a usual size is used.",)
+    assert recording.left_out == {"actors of an unknown class": 1, "actors that are not in tracksMeta": 1}
+    assert recording.notes == ("Actors of kind pedestrian without a possible size have a usual one.",)
     folder = read(Request(tmp_path / "inD", numbers={"recording": 7}))
     assert (folder.name, folder.source, folder.sha256) == (
         "07_tracks".join(["recording_", ""]),
@@ -221,6 +221,20 @@ def test_headings_of_many_turns_are_in_degrees(tmp_path: Path) -> None:
         table(tmp_path, text)
     (track, _) = table(tmp_path, text, columns={"heading_deg": "heading_rad"}).tracks
     assert track.states[0, 2] == pytest.approx(math.radians(1))
+
+
+def test_what_is_missing_in_some_samples(tmp_path: Path) -> None:
+    lines = driven(10, 10).replace(",0.0,10", ",0.0,", 1).splitlines()
+    sized = [
+        f"{line},{size}"
+        for line, size in zip(lines, ("length,width", *["99,1.8"] * 80, *["4.5,1.8"] * 80), strict=True)
+    ]
+    recording = table(tmp_path, "\n".join(sized) + "\n")
+    assert recording.notes[:2] == (
+        "2 actors have no class: cars are assumed.",
+        "1 actor has no possible size: that which is usual for the class is used.",
+    )
+    assert "1 actor has no speeds in some samples: those of their positions are used." in recording.notes
 
 
 def test_headings_may_be_noisy_and_turn(tmp_path: Path) -> None:

@@ -100,7 +100,7 @@ def _shape(type_: str, sides: tuple[float, float] | None, samples: Samples) -> S
         kind = "car"
     shape = usual_shape(kind) if sides is None else shape_of(kind, *sides)
     if not shape.sized:
-        samples.note(f"The file has no sizes of kind {kind}: a usual size is used.")
+        samples.note(f"Actors of kind {kind} without a possible size have a usual one.")
     return shape
 
 

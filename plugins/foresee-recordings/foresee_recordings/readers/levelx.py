@@ -41,7 +41,7 @@ class LevelXReader:
         tracks = _tracks_file(request)
         rate_hz, origin_m = _recording_meta(_beside(tracks, "recordingMeta"))
         samples = Samples(request)
-        shapes, directions = _shapes(_beside(tracks, "tracksMeta"), samples)
+        shapes, directions, unclassed = _shapes(_beside(tracks, "tracksMeta"), samples)
         with table(tracks) as rows:
             sample_of = _centres(rows) if "xCenter" in rows.columns else _boxes(rows, directions)
             frame, actor = rows.indices("frame", "trackId" if "trackId" in rows.columns else "id")
@@ -52,7 +52,7 @@ class LevelXReader:
                         samples.add(name, time_s, *sample_of(row))
                 except ValueError as err:
                     raise rows.error(f"a value is not a number ({err})") from None
-        samples.check_shapes(shapes, "tracksMeta")
+        samples.check_actors(shapes.keys() | unclassed, "tracksMeta")
         return samples.recording("levelx", shapes, source=tracks, origin_m=origin_m)
 
 
@@ -108,10 +108,11 @@ def _recording_meta(file: Path) -> tuple[float, tuple[float, float]]:
         return rate_hz, ((origin[0], origin[1]) if len(origin) == 2 and all(map(math.isfinite, origin)) else (0.0, 0.0))
 
 
-def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float]]:
-    """Return the shape of each actor, and the driving direction of those of highD, rad."""
+def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float], set[str]]:
+    """Return the shape of each actor, the driving direction of those of highD, rad, and the actors of unknown class."""
     shapes: dict[str, Shape] = {}
     directions: dict[str, float] = {}
+    unclassed: set[str] = set()
     with table(file) as rows:
         boxes = "height" in rows.columns  # highD: `width` is along the road
         actor, class_ = rows.indices("id" if boxes else "trackId", "class")
@@ -122,16 +123,17 @@ def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, f
             kind = kind_of(row[class_])
             if kind is None:
                 samples.left_out["actors of an unknown class"] += 1
+                unclassed.add(row[actor])
                 continue
             try:
                 shape = shapes[row[actor]] = shape_of(kind, number(row[length]), number(row[width]))
             except ValueError as err:
                 raise rows.error(f"a value is not a number ({err})") from None
             if not shape.sized:
-                samples.note(f"The file has no sizes of kind {kind}: a usual size is used.")
+                samples.note(f"Actors of kind {kind} without a possible size have a usual one.")
             if direction is not None:
                 directions[row[actor]] = {"1": math.pi, "2": 0.0}.get(row[direction].strip(), math.nan)
-    return shapes, directions
+    return shapes, directions, unclassed
 
 
 def _centres(rows: Table) -> Callable[[Sequence[str]], Sample]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
+from foresee_dsl.report.safe_text import counted
 from foresee_recordings.maps.roads_file import roads_of_file
 from foresee_recordings.readers.classes import Shape, have
 from foresee_recordings.reading import Request
@@ -29,7 +30,7 @@ GAP_S = 1.0
 """An actor that is absent for longer becomes a second track, s. Ours: interpolating over more would invent its motion;
 data sets fill shorter gaps."""
 _GAP_STEPS = 2.5
-"""Number of usual steps of an actor that a gap has at least: recordings of SUMO have a step of 1 s. Ours."""
+"""Number of usual (median) steps of an actor that a gap has at least: recordings of SUMO have a step of 1 s. Ours."""
 FASTEST_MPS = 100.0
 """Two samples that are farther apart than this speed allows are a jump, m/s. Ours: 360 km/h."""
 JUMP_M = 5.0
@@ -85,6 +86,7 @@ class Samples:
         self._first_s, self._last_s = math.inf, -math.inf
         self._steps, self._jumps = 0, 0
         self._derived: Counter[str] = Counter()
+        self._splits: Counter[tuple[str, str]] = Counter()
         self.left_out: Counter[str] = Counter()
         self.notes: dict[str, None] = {}
         self.heading_unit = 1.0
@@ -144,9 +146,9 @@ class Samples:
                 f"{_ACTOR_SAMPLES}): read a part of it with --from and --to, or {raised_by('recording')}"
             )
 
-    def check_shapes(self, shapes: Mapping[str, Shape], what: str) -> None:
-        """Count the actors that have samples and no shape, since they are not in `what`."""
-        if count := sum(actor not in shapes for actor in self._buffers):
+    def check_actors(self, listed: Collection[str], what: str) -> None:
+        """Count the actors that have samples and are not among those that are listed in `what`."""
+        if count := sum(actor not in listed for actor in self._buffers):
             self.left_out[f"actors that are not in {what}"] += count
 
     def note(self, sentence: str) -> None:
@@ -199,6 +201,9 @@ class Samples:
                 tracks.append(self._track(name, form, motion, offset))
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
+        for (noun, size), count in self._splits.items():
+            if count:
+                self.note(f"{counted(count, noun)} {size}: after it, an actor goes on as another.")
         for what, count in self._derived.items():
             self.note(f"{have(count)} {what}.")
         if self._request.map_file is not None:
@@ -227,10 +232,8 @@ class Samples:
         gaps, jumps = steps > longest_s, _jumps(rows)
         self._steps += len(steps)
         self._jumps += int(jumps.sum())
-        if gaps.any():
-            self.left_out["gaps of more than a second, after which an actor is a second track"] += int(gaps.sum())
-        if jumps.any():
-            self.left_out["jumps, after which an actor is a second track"] += int(jumps.sum())
+        self._splits["gap", f"of more than {GAP_S:g} s and {_GAP_STEPS:g} usual steps"] += int((gaps & ~jumps).sum())
+        self._splits["jump", f"of more than {JUMP_M:g} m and {FASTEST_MPS:g} m/s"] += int(jumps.sum())
         for part in np.split(rows, np.flatnonzero(gaps | jumps) + 1):
             if len(part) > 1:
                 yield part
@@ -350,11 +353,11 @@ class Samples:
             )
             absent[too_fast, 3] = True
         if absent[:, 2].any():
-            self._derived["no headings: those of their motion are used"] += 1
+            self._derived[f"no headings{_where(absent[:, 2])}: those of their motion are used"] += 1
             states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
         if absent[:, 3].any():
-            if (absent[:, 3] & ~too_fast).any():
-                self._derived["no speeds: those of their positions are used"] += 1
+            if (missing := absent[:, 3] & ~too_fast).any():
+                self._derived[f"no speeds{_where(missing)}: those of their positions are used"] += 1
             velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
             states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
         states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi
@@ -374,6 +377,10 @@ def _speed_ratio(motions: list[FloatArray]) -> float | None:
         ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
     checked = np.concatenate(ratios) if ratios else np.empty(0)
     return float(np.median(checked)) if len(checked) >= _CHECKED_STEPS else None
+
+
+def _where(absent: NDArray[np.bool_]) -> str:
+    return "" if absent.all() else " in some samples"
 
 
 def _is_doubtful(ratio: float) -> bool:

@@ -94,7 +94,7 @@ class TableReader:
         if "heading" in columns and widest > _TURN_RAD:
             samples.heading_unit = math.pi / 180
             samples.note(f"Headings reach {widest:.0f}: they are in degrees.")
-        _note(samples, shapes, unknown)
+        _note(samples, shapes, unknown, has_sizes={"length_m", "width_m"} <= columns.keys())
         return samples.recording("table", shapes)
 
 
@@ -182,11 +182,13 @@ def _shape(columns: Mapping[str, int], unknown: Counter[str]) -> Callable[[Seque
     return shape
 
 
-def _note(samples: Samples, shapes: Mapping[str, Shape], unknown: Counter[str]) -> None:
+def _note(samples: Samples, shapes: Mapping[str, Shape], unknown: Counter[str], *, has_sizes: bool) -> None:
     if count := unknown.pop("", 0):
         samples.note(f"{have(count)} no class: cars are assumed.")
     if unknown:
         words = ", ".join(repr(word) for word, _ in unknown.most_common(8))
         samples.note(f"{have(sum(unknown.values()))} an unknown class ({words}): cars are assumed.")
     if unsized := sum(not shape.sized for shape in shapes.values()):
-        samples.note(f"{have(unsized)} no size: that which is usual for the class is used.")
+        samples.note(
+            f"{have(unsized)} no {'possible size' if has_sizes else 'size'}: that which is usual for the class is used."
+        )

@@ -254,5 +254,5 @@ def _notes(traffic: Traffic, cut: Cut, network: RoadNetwork) -> tuple[str, ...]:
     guessed = [traffic.tracks[k].id for k in (cut.ego, *cut.others) if not traffic.tracks[k].sized]
     if guessed:
         names = ", ".join(guessed[:5]) + (f" and {len(guessed) - 5} more" if len(guessed) > 5 else "")
-        notes.append(f"the recording has no sizes of {names}: they are usual ones of the class")
+        notes.append(f"the recording has no possible sizes of {names}: they are usual ones of the class")
     return tuple(notes)
