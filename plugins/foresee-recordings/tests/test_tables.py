@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_recordings.readers.table import COLUMNS as TABLE_COLUMNS
 from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Recording, RecordingError
 
@@ -302,3 +304,13 @@ def test_an_old_log_of_esmini_has_no_boxes(tmp_path: Path) -> None:
     file.write_text(esmini(old[:-1]))
     with pytest.raises(RecordingError, match="has no column #1 world_heading_angle, #2 world_heading_angle"):
         read(Request(file))
+
+
+def test_the_guide_lists_the_columns_of_a_table() -> None:
+    guide = (Path(__file__).parents[3] / "docs" / "guide" / "recordings.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\|.*\|$", guide.partition("| ours | needed |")[2].partition("\n\n")[0], re.MULTILINE)
+    ours = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+    assert ours == set(TABLE_COLUMNS)
+    usual = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[3].partition(". ")[0])}
+    known = {name for names in TABLE_COLUMNS.values() for name in names} | {"car", "truck", "cyclist"}
+    assert usual <= known
