@@ -239,6 +239,14 @@ def test_what_is_missing_in_some_samples(tmp_path: Path) -> None:
     assert "1 actor has no speeds in some samples: those of their positions are used." in recording.notes
 
 
+@pytest.mark.parametrize("value", ["inf", "-inf", "nan", ""])
+def test_motion_that_is_not_finite_is_derived(tmp_path: Path, value: str) -> None:
+    text = "".join(line.replace(",0.0,10", f",{value},{value}") for line in driven(10, 10).splitlines(keepends=True))
+    recording = table(tmp_path, text)
+    assert recording.tracks[1].states[5, 2:] == pytest.approx([0.0, 10.0])
+    assert "2 actors have no headings: those of their motion are used." in recording.notes
+
+
 def test_headings_may_be_noisy_and_turn(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     rows = ["t,id,x,y,heading_rad,speed"]
@@ -312,5 +320,5 @@ def test_the_guide_lists_the_columns_of_a_table() -> None:
     ours = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])}
     assert ours == set(TABLE_COLUMNS)
     usual = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[3].partition(". ")[0])}
-    known = {name for names in TABLE_COLUMNS.values() for name in names} | {"car", "truck", "cyclist"}
-    assert usual <= known
+    theirs = {name for names in TABLE_COLUMNS.values() for name in names} | {"car", "truck", "cyclist"}
+    assert usual <= theirs

@@ -392,15 +392,16 @@ def _windows(parts: list[FloatArray], heading_unit: float) -> FloatArray:
     positions and mean recorded speed (m/s), direction of motion and recorded heading (rad; NaN without)."""
     windows = [np.empty((0, 4))]
     for rows in parts:
-        begins = np.arange(rows[0, 0], rows[-1, 0] + _ROUNDING_S, _WINDOW_S)
-        ends = np.unique(np.searchsorted(rows[:, 0], begins - _ROUNDING_S))
+        window = np.floor((rows[:, 0] - rows[0, 0] + _ROUNDING_S) / _WINDOW_S)
+        ends = np.flatnonzero(np.diff(window, prepend=-1))  # the first sample of each
         if len(ends) < 2:
             continue
+        heading, speed = np.where(np.isfinite(rows[:, 3:]), rows[:, 3:], math.nan).T
         lasts_s, *way = np.diff(rows[ends, :3], axis=0).T
-        steps_m = np.diff(rows[:, 0]) * (rows[1:, 4] + rows[:-1, 4]) / 2
+        steps_m = np.diff(rows[:, 0]) * (speed[1:] + speed[:-1]) / 2
         recorded = np.add.reduceat(steps_m[: ends[-1]], ends[:-1]) / lasts_s
         moved = np.hypot(*way) / lasts_s
-        headings = rows[(ends[:-1] + ends[1:]) // 2, 3] * heading_unit
+        headings = heading[(ends[:-1] + ends[1:]) // 2] * heading_unit
         moving = (moved > _MOVING_MPS) | (np.abs(recorded) > _MOVING_MPS)
         windows.append(np.column_stack((moved, recorded, np.arctan2(way[1], way[0]), headings))[moving])
     return np.concatenate(windows)
@@ -409,13 +410,13 @@ def _windows(parts: list[FloatArray], heading_unit: float) -> FloatArray:
 def _signed_ratio(windows: FloatArray) -> float | None:
     """Return the median speed of an actor's positions in relation to its recorded speed: infinite if that is 0,
     negative if it is below 0 although the actor moves ahead; None for too few windows."""
-    known = windows[np.isfinite(windows[:, 1])]
-    if len(known) < _CHECKED_WINDOWS:
+    finite = windows[np.isfinite(windows[:, 1])]
+    if len(finite) < _CHECKED_WINDOWS:
         return None
-    moved, recorded, direction, heading = known.T
+    moved, recorded, direction, heading = finite.T
     backwards = np.cos(heading - direction) < 0  # False without a heading: then it is that of the motion
     speeds = np.where(backwards, np.abs(recorded), recorded)
-    ratios = np.divide(moved, speeds, out=np.full(len(known), math.inf), where=speeds != 0)
+    ratios = np.divide(moved, speeds, out=np.full(len(finite), math.inf), where=speeds != 0)
     return float(np.median(ratios))
 
 

@@ -79,8 +79,9 @@ class TableReader:
                     if not samples.wants(name, time_s):
                         continue
                     heading, speed = motion_of(row)
-                    widest = max(widest, abs(heading))
-                    count, far = count + 1, far + (abs(heading) > _MOST_RAD)
+                    count += 1
+                    if math.isfinite(heading):
+                        widest, far = max(widest, abs(heading)), far + (abs(heading) > _MOST_RAD)
                     if samples.add(name, time_s, number(row[x]), number(row[y]), heading, speed) and name not in shapes:
                         shapes[name] = shape_in(row)
                 except ValueError as err:
