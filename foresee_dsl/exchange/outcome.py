@@ -9,6 +9,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from filecmp import cmp
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,14 +60,14 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
     """Let files be written to a temporary folder, then move them into place.
 
     Args:
-        out: the target folder; it is created if missing. Files of the same names are replaced.
+        out: the target folder; it is created if missing. Files in it are not overwritten.
         write: writes files (no folders) into the folder that it receives. If it raises, no file remains.
 
     Returns:
         The files, in `out`, by name.
 
     Raises:
-        ExchangeError: `out` cannot be written.
+        ExchangeError: `out` cannot be written, or has a file of one of these names with other content.
     """
     try:
         # The innermost folder comes first, so that the folders can be removed in this order.
@@ -78,6 +79,7 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
     try:
         write(fresh)
         names = sorted(file.name for file in fresh.iterdir())
+        _refuse_others(fresh, out, names)
         for name in names:
             (fresh / name).replace(out / name)
     except BaseException as error:
@@ -92,6 +94,19 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
         raise
     shutil.rmtree(fresh, ignore_errors=True)
     return tuple(out / name for name in names)
+
+
+def _refuse_others(fresh: Path, out: Path, names: Sequence[str]) -> None:
+    """Raise if the folder has a file of one of these names with other content than the fresh one, such as a scenario
+    that was edited."""
+    there = [name for name in names if (out / name).exists()]
+    others = [name for name in there if not ((out / name).is_file() and cmp(fresh / name, out / name, shallow=False))]
+    if others:
+        files = ", ".join(str(out / name) for name in others)
+        raise ExchangeError(
+            f"nothing was written: {files} {'is' if len(others) == 1 else 'are'} there already with other content; "
+            "give another --out, or delete or rename what is there"
+        )
 
 
 def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:

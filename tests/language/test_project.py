@@ -368,6 +368,13 @@ def test_several_cases_and_none_named(folder: Folder) -> None:
     assert f"{folder.scenario}::near" in found.help
 
 
+def test_more_cases_than_a_help_lists(folder: Folder) -> None:
+    more = "".join(f"  case c{k} {{ gap = 2{k} m }}\n" for k in range(9))
+    folder.edit(folder.scenario, "  case near", f"{more}  case near")
+    found = mistake(folder.scenario)
+    assert found.code == "FS103" and found.help.endswith("::c0`, for example")
+
+
 def test_a_clip_of_an_unknown_case(folder: Folder) -> None:
     folder.edit(folder.clip, "case near", "case naer")
     found = mistake(folder.clip)

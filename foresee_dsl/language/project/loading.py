@@ -323,7 +323,8 @@ class Project:
         if case is None and names:
             message = f"'{file.document.path}' has {len(names)} cases, but this needs a single one"
             written = f"case {names[0]}" if use else f"{file.document.path}::{names[0]}"
-            help = "write " + write(written) + ", for example; " + did_you_mean("", names)
+            all_of_them = did_you_mean("", names)
+            help = "write " + write(written) + ", for example" + ("; " + all_of_them if all_of_them else "")
             _fail_case(file, use, "FS103", message, help)
         concrete = concretise(scenario, case, document=file.document)
         network, network_document = self._network(file, concrete, chain)

@@ -60,3 +60,6 @@ def print_cases(console: Console, cases: Sequence[WrittenCase]) -> None:
         console.print(Text(safe(f"wrote {case.file} ({beside})")), soft_wrap=True)
         for note in case.notes:
             console.print(Text(safe(f"  {note}"), style="dim"), soft_wrap=True)
+    written = sum(case.file is not None for case in cases)
+    if written < len(cases):
+        console.print(f"{written} of {len(cases)} written")

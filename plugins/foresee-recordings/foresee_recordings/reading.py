@@ -43,9 +43,11 @@ class Reader(Protocol):
 
     Attributes:
         what: one line for the list of formats.
+        numbers: the names of `Request.numbers` that it uses.
     """
 
     what: ClassVar[str]
+    numbers: ClassVar[tuple[str, ...]]
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is of this format, by its name and first `HEAD_BYTES` bytes (unpacked if it
@@ -67,21 +69,32 @@ def read(request: Request, format_: str = "") -> Recording:
     Without a name, a request with `columns` is read as a table.
 
     Raises:
-        RecordingError: no reader recognises the file; or as `Reader.read` does.
+        RecordingError: no reader recognises the file, or it does not use one of the request's numbers; or as
+            `Reader.read` does.
     """
     path = request.path
     if not path.exists():
         raise RecordingError(f"{path}: there is no such file")
     if format_ or request.columns:
-        return _reader(format_ or "table").read(request)
+        return _read(format_ or "table", request)
     head = b"" if path.is_dir() else head_of(path, HEAD_BYTES)
     for name in READERS.names():
-        reader = _reader(name)
-        if reader.recognises(path, head):
-            return reader.read(request)
+        if _reader(name).recognises(path, head):
+            return _read(name, request)
+    if path.name.lower().endswith((".csv", ".csv.gz")):
+        return _read("table", request)  # its error names the columns that are missing
     raise RecordingError(
         f"{path}: no reader recognises this file; write --reader with one of {', '.join(READERS.names())}"
     )
+
+
+def _read(name: str, request: Request) -> Recording:
+    reader = _reader(name)
+    numbers = getattr(reader, "numbers", tuple(request.numbers))  # readers of others may be older than the attribute
+    if unknown := sorted(request.numbers.keys() - set(numbers)):
+        those = f"it uses {' and '.join(numbers)}" if numbers else "it uses none"
+        raise RecordingError(f"{request.path}: the reader {name} does not use --number {', '.join(unknown)}: {those}")
+    return reader.read(request)
 
 
 def _reader(name: str) -> Reader:

@@ -195,7 +195,7 @@ def test_what_is_wrong_in_single_samples_is_counted(tmp_path: Path) -> None:
         "samples with a number that is not finite": 1,
         "samples far away from those before and after them": 1,
         "samples without a position": 1,
-        "gaps of more than a second, after which an actor is a second track": 1,
     }
     assert [track.id for track in recording.tracks] == ["a", "a_part2"]
+    assert "1 gap of more than 1 s and 2.5 usual steps: after it, an actor goes on as another." in recording.notes
     assert np.diff(recording.tracks[0].time_s).max() == 2.0  # beside a sample that was left out

@@ -74,7 +74,7 @@ def test_a_table_of_cases_needs_the_number_of_one(tmp_path: Path) -> None:
     rows = [f"{case}.0,1.0,{k},{k}00,car,{k + 10 * case},0,10,0,0,4,2" for case in (1, 2) for k in range(1, 6)]
     file.write_text("case_id," + HEADER + "\n".join(rows) + "\n", encoding="utf-8")
     assert read(Request(file, numbers={"case": 2})).track("1").states[0, 0] == 21.0
-    with pytest.raises(RecordingError, match="name the number of one as `case`"):
+    with pytest.raises(RecordingError, match=r"name one with --number case=1"):
         read(Request(file))
 
 

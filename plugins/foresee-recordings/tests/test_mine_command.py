@@ -89,3 +89,14 @@ def test_mistakes(table: Path, options: tuple[str, ...], why: str, tmp_path: Pat
     done = foresee("mine", table, *options, expect=1)
     assert why in str(done.exception)
     assert not (tmp_path / "mined").exists()
+
+
+def test_no_situation_that_can_be_written_is_an_error(tmp_path: Path) -> None:
+    lines = ["time_s,id,x_m,y_m,heading_rad,speed_mps,length_m,width_m"]
+    for k in range(100):  # two cars side by side whose boxes overlap
+        lines += [f"{k / 10},{n},{k},{n},0,10,4.5,1.8" for n in range(2)]
+    file = tmp_path / "overlap.csv"
+    file.write_text("\n".join(lines) + "\n")
+    done = foresee("mine", file, "--find", "collision(ego)", "--write", tmp_path / "out", expect=1)
+    assert "not written: no. 1" in done.stdout and "0 of 2 written" in done.stdout
+    assert not (tmp_path / "out").exists()

@@ -120,7 +120,7 @@ def test_objects_and_signals_of_a_ground_truth(trace: Path) -> None:
     }
     assert recording.notes == (
         "The host vehicle is 7.",
-        "1 object has no size: that which is usual for the class is used.",
+        "1 object has no possible size: that which is usual for the class is used.",
         "1 actor has no headings: those of their motion are used.",
         "1 actor has no speeds: those of their positions are used.",
     )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from foresee_recordings.readers.table import COLUMNS as TABLE_COLUMNS
 from foresee_recordings.reading import Request, read
 from foresee_recordings.recording import Recording, RecordingError
 
@@ -36,8 +38,8 @@ def test_ind_has_centres_headings_in_degrees_and_frames(tmp_path: Path) -> None:
     assert truck.time_s == pytest.approx([0, 0.04, 0.08, 0.12, 0.16])
     assert truck.states[2] == pytest.approx([0.0, 0.8, math.pi / 2, 10.0])
     assert (pedestrian.kind, pedestrian.length_m, pedestrian.sized) == ("pedestrian", 0.4, False)
-    assert recording.left_out == {"actors of an unknown class": 1, "actors that are not in tracksMeta": 2}
-    assert recording.notes == ("The file has no sizes of kind pedestrian: a usual size is used.",)
+    assert recording.left_out == {"actors of an unknown class": 1, "actors that are not in tracksMeta": 1}
+    assert recording.notes == ("Actors of kind pedestrian without a possible size have a usual one.",)
     folder = read(Request(tmp_path / "inD", numbers={"recording": 7}))
     assert (folder.name, folder.source, folder.sha256) == (
         "07_tracks".join(["recording_", ""]),
@@ -65,8 +67,11 @@ def test_of_several_recordings_one_is_named(tmp_path: Path) -> None:
     ind(tmp_path, rows(1, 5), "7,1,0,4,5,1.8,4.5,car\n")
     for name in ("tracks", "tracksMeta", "recordingMeta"):
         (tmp_path / f"11_{name}.csv").write_bytes((tmp_path / f"07_{name}.csv").read_bytes())
-    with pytest.raises(RecordingError, match=r"name one of its tables of tracks \(07_tracks.csv, 11_tracks.csv\)"):
+    tables = r"its tables of tracks are 07_tracks.csv, 11_tracks.csv: write --number recording=7, for example"
+    with pytest.raises(RecordingError, match=f"has more than one recording; {tables}"):
         read(Request(tmp_path))
+    with pytest.raises(RecordingError, match=f"has no recording 5; {tables}"):
+        read(Request(tmp_path, numbers={"recording": 5}))
     assert read(Request(tmp_path, numbers={"recording": 11})).source.name == "11_tracks.csv"
 
 
@@ -149,6 +154,13 @@ def test_missing_columns_are_listed(
         read(Request(file, columns=columns, numbers=numbers), "table")
 
 
+@pytest.mark.parametrize(("column", "ours"), [("t", "time_s"), ("id", "actor"), ("x", "x_m"), ("y", "y_m")])
+def test_a_table_without_a_needed_column_is_recognised(tmp_path: Path, column: str, ours: str) -> None:
+    text = driven(10).replace(f"{column},", "other,", 1)
+    with pytest.raises(RecordingError, match=f"no column that is called like our {ours}: .* its columns are"):
+        table(tmp_path, text)
+
+
 def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:
     steps = [f"{k / 10},a,{k},0,0,36\n" for k in range(100)]
     recording = table(tmp_path, "t,id,x,y,heading,speed\n" + "".join(steps[::-1]))
@@ -159,6 +171,91 @@ def test_rows_may_come_in_any_order_and_kmh_are_noted(tmp_path: Path) -> None:
     }
     kmh = table(tmp_path, "t,id,x,y,heading,v_kmh\n" + "".join(steps))
     assert kmh.tracks[0].states[0, 3] == 10.0 and len(kmh.notes) == 2
+
+
+@pytest.mark.parametrize(("name", "used"), [("foo", "it uses rate_hz"), ("recording", "it uses rate_hz")])
+def test_numbers_that_a_reader_does_not_use(tmp_path: Path, name: str, used: str) -> None:
+    with pytest.raises(RecordingError, match=rf"the reader table does not use --number {name}: {used}"):
+        table(tmp_path, driven(10), numbers={name: 50.0, "rate_hz": 10.0})
+
+
+def driven(*speeds: float, heading: float = 0.0) -> str:
+    """A table of actors that drive east with 10 m/s for 8 s; `speeds`: those that it has of them, m/s."""
+    rows = [f"{k / 10},a{n},{k},{5 * n},{heading},{speed}\n" for n, speed in enumerate(speeds) for k in range(80)]
+    return "t,id,x,y,heading_rad,speed\n" + "".join(rows)
+
+
+@pytest.mark.parametrize("speed", [0.0, -10.0, 0.01])
+def test_speeds_that_the_positions_contradict(tmp_path: Path, speed: float) -> None:
+    why = (
+        rf"positions of a0, a1 move, .* negative or near 0 \(a0: 10.0 m/s by its positions, {speed:.1f} m/s recorded\)"
+    )
+    with pytest.raises(RecordingError, match=why):
+        table(tmp_path, driven(speed, speed))
+    notes = table(tmp_path, driven(10, 10, speed)).notes
+    assert any(note.startswith("The positions of a2 move, but") for note in notes)
+
+
+def test_an_actor_with_speeds_in_another_unit_is_named(tmp_path: Path) -> None:
+    notes = table(tmp_path, driven(10, 10, 36)).notes
+    assert "The positions of a2 move with 0.28 times their recorded speeds, which may be in another unit." in notes
+
+
+def test_a_vehicle_that_reverses_may_have_negative_speeds(tmp_path: Path) -> None:
+    reverses = driven(-10, -10, heading=math.pi)
+    assert not any("speeds" in note for note in table(tmp_path, reverses).notes)
+
+
+@pytest.mark.parametrize("heading", [1.0, math.pi, -math.pi / 2])
+def test_headings_that_the_motion_contradicts(tmp_path: Path, heading: float) -> None:
+    with pytest.raises(
+        RecordingError, match=r"headings of a0, a1 differ by \d+ degrees .* counter-clockwise from east"
+    ):
+        table(tmp_path, driven(10, 10, heading=heading))
+    one, other = driven(10, 10, heading=heading).splitlines(), driven(10, 10).splitlines()
+    mixed = table(tmp_path, "\n".join([*other[:81], *one[81:]]) + "\n")  # one of them may reverse
+    assert any(note.startswith("The headings of a1 differ by") for note in mixed.notes)
+
+
+def test_headings_of_many_turns_are_in_degrees(tmp_path: Path) -> None:
+    text = driven(10, 10, heading=361.0)
+    with pytest.raises(RecordingError, match=r"'heading_rad' reach 361, .* --columns heading_deg=heading_rad"):
+        table(tmp_path, text)
+    (track, _) = table(tmp_path, text, columns={"heading_deg": "heading_rad"}).tracks
+    assert track.states[0, 2] == pytest.approx(math.radians(1))
+
+
+def test_what_is_missing_in_some_samples(tmp_path: Path) -> None:
+    lines = driven(10, 10).replace(",0.0,10", ",0.0,", 1).splitlines()
+    sized = [
+        f"{line},{size}"
+        for line, size in zip(lines, ("length,width", *["99,1.8"] * 80, *["4.5,1.8"] * 80), strict=True)
+    ]
+    recording = table(tmp_path, "\n".join(sized) + "\n")
+    assert recording.notes[:2] == (
+        "2 actors have no class: cars are assumed.",
+        "1 actor has no possible size: that which is usual for the class is used.",
+    )
+    assert "1 actor has no speeds in some samples: those of their positions are used." in recording.notes
+
+
+@pytest.mark.parametrize("value", ["inf", "-inf", "nan", ""])
+def test_motion_that_is_not_finite_is_derived(tmp_path: Path, value: str) -> None:
+    text = "".join(line.replace(",0.0,10", f",{value},{value}") for line in driven(10, 10).splitlines(keepends=True))
+    recording = table(tmp_path, text)
+    assert recording.tracks[1].states[5, 2:] == pytest.approx([0.0, 10.0])
+    assert "2 actors have no headings: those of their motion are used." in recording.notes
+
+
+def test_headings_may_be_noisy_and_turn(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    rows = ["t,id,x,y,heading_rad,speed"]
+    for n in range(4):  # turning at 0.4 rad/s with 4 m/s, at 25 Hz, blurred by 5 cm and 5 degrees
+        for k in range(200):
+            heading = 0.4 * k / 25 + n
+            x, y = 10 * math.sin(heading) + random.normal(0, 0.05), -10 * math.cos(heading) + random.normal(0, 0.05)
+            rows.append(f"{k / 25},a{n},{x + 50 * n},{y},{heading + random.normal(0, 0.09)},4")
+    assert not any("differ" in note or "speeds" in note for note in table(tmp_path, "\n".join(rows) + "\n").notes)
 
 
 def test_numbers_that_are_far_too_large_are_counted(tmp_path: Path) -> None:
@@ -215,3 +312,13 @@ def test_an_old_log_of_esmini_has_no_boxes(tmp_path: Path) -> None:
     file.write_text(esmini(old[:-1]))
     with pytest.raises(RecordingError, match="has no column #1 world_heading_angle, #2 world_heading_angle"):
         read(Request(file))
+
+
+def test_the_guide_lists_the_columns_of_a_table() -> None:
+    guide = (Path(__file__).parents[3] / "docs" / "guide" / "recordings.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\|.*\|$", guide.partition("| ours | needed |")[2].partition("\n\n")[0], re.MULTILINE)
+    ours = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+    assert ours == set(TABLE_COLUMNS)
+    usual = {name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[3].partition(". ")[0])}
+    theirs = {name for names in TABLE_COLUMNS.values() for name in names} | {"car", "truck", "cyclist"}
+    assert usual <= theirs

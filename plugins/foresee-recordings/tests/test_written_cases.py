@@ -137,6 +137,28 @@ def test_recordings_share_a_folder(recorded: Recorded, tmp_path: Path) -> None:
     assert write_cases(other, (), tmp_path, Choice()) == ()
 
 
+def test_files_with_other_content_are_never_overwritten(recorded: Recorded, tmp_path: Path) -> None:
+    recording = recorded.traffic.recording
+    assert recording.roads is not None
+    write_seconds(recorded.traffic, "ego", tmp_path, Choice())
+    edited = tmp_path / "town_run_ego.foresee"
+    edited.write_text(edited.read_text() + "# edited\n")
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    roads = replace(recording.roads, text=recording.roads.text + "<!-- another -->\n")
+    tracks = tuple(replace(track, length_m=track.length_m + 1) for track in recording.tracks)
+    other = Traffic(replace(recording, sha256="f" * 64, roads=roads, tracks=tracks))
+    names = ("2.net.xml", "2.models.foresee", "ego_2.foresee", "ego_2.tracks.csv")
+    for _ in range(2):  # the same again is the same
+        case = write_seconds(other, "ego", tmp_path, Choice())
+        assert case.file == tmp_path / "town_run_ego_2.foresee" and "has another name" in case.notes[-1]
+        text = case.file.read_text()
+        assert '"town_run_2.net.xml"' in text and '"town_run_2.models.foresee"' in text
+        new = {file.name for file in tmp_path.iterdir()} - before.keys()
+        assert new == {f"town_run_{name}" for name in names}
+    assert {name: (tmp_path / name).read_bytes() for name in before} == before
+    assert check_paths([str(case.file)]).diagnostics == ()
+
+
 def test_a_goal_before_the_end_of_the_map(tmp_path: Path) -> None:
     def driven(length_m: float) -> Track:
         x = np.arange(0.0, length_m + 0.1, 1.0)
@@ -181,10 +203,12 @@ def test_what_cannot_be_used_is_said(recorded: Recorded, tmp_path: Path) -> None
         write_seconds(Traffic(alone), "walker", tmp_path, Choice())
     with pytest.raises(RecordingError, match="no actor 'nobody'"):
         write_seconds(recorded.traffic, "ego", tmp_path, Choice(driven=frozenset({"nobody"})))
+    with pytest.raises(RecordingError, match=r"walker is of the class pedestrian, .* leave out --drive walker"):
+        write_seconds(recorded.traffic, "ego", tmp_path, Choice(driven=frozenset({"walker"})))
 
 
 def test_models_have_the_recorded_size(recorded: Recorded) -> None:
-    models, track = Models("sizes"), recorded.traffic.recording.track("lead")
+    models, track = Models(), recorded.traffic.recording.track("lead")
     names = [models.of(replace(track, length_m=length, width_m=1.83)) for length in (4.53, 4.46, 14.6)]
     assert names == ["car.r45x18", "car.r45x18", "car.r146x18"]
-    assert models.text().count("\n  model ") == 2
+    assert models.text("sizes").count("\n  model ") == 2

@@ -109,6 +109,8 @@ def mine(
     [dim]foresee mine recording.xml --top 10
     foresee mine recording.xml --find 'ttc(ego, other) < 1.5 s and other ahead of ego'
     foresee mine recording.xml --situation cut_in --write mined[/dim]
+
+    Exit code 1 if none of the situations could be written as a test case.
     """
     del listed
     from foresee_recordings.listing import print_cases, print_recording, print_situations
@@ -147,11 +149,13 @@ def mine(
         )
     if json:
         print_json(_mined(traffic.recording, chosen, total, drawn, cases))
-        return
-    screen = console()
-    print_recording(screen, traffic.recording)
-    print_situations(screen, chosen, total=total)
-    print_cases(screen, cases)
+    else:
+        screen = console()
+        print_recording(screen, traffic.recording)
+        print_situations(screen, chosen, total=total)
+        print_cases(screen, cases)
+    if cases and all(case.file is None for case in cases):
+        raise typer.Exit(1)
 
 
 def _mined(

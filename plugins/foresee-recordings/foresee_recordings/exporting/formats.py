@@ -33,7 +33,7 @@ def to_commonroad(options: RunOptions, tell: Tell) -> Imported:
 def to_levelx(options: RunOptions, tell: Tell) -> Imported:
     """Write runs as tables with the columns of inD: NN_tracks.csv, NN_tracksMeta.csv, NN_recordingMeta.csv.
 
-    [dim]foresee export levelx scenarios/scenario7.foresee --out traces[/dim]
+    [dim]foresee export levelx scenarios/scenario7.foresee::r01 --out traces[/dim]
     """
     from foresee_recordings.exporting import levelx, runs
 

@@ -33,6 +33,7 @@ class ArgoverseReader:
     """Argoverse 2 motion forecasting."""
 
     what: ClassVar[str] = "a scenario of Argoverse 2 motion forecasting (scenario_ID.parquet), or its folder"
+    numbers: ClassVar[tuple[str, ...]] = ()
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file, or the only one in a folder, has the name of a scenario."""

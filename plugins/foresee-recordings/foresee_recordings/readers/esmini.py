@@ -43,6 +43,7 @@ class EsminiReader:
     """esmini's log."""
 
     what: ClassVar[str] = "esmini's log (--csv_logger)"
+    numbers: ClassVar[tuple[str, ...]] = ()
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file has the names of esmini's log."""

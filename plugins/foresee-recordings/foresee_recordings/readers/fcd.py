@@ -58,6 +58,7 @@ class FcdReader:
     """SUMO's floating car data."""
 
     what: ClassVar[str] = "SUMO's floating car data (--fcd-output): XML, CSV or Parquet, also .gz"
+    numbers: ClassVar[tuple[str, ...]] = ()
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is SUMO's FCD; a comment with SUMO's configuration may come before the root."""

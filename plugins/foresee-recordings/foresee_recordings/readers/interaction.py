@@ -27,6 +27,7 @@ class InteractionReader:
     """The tables of the INTERACTION data set."""
 
     what: ClassVar[str] = "INTERACTION: vehicle_tracks_NNN.csv with pedestrian_tracks_NNN.csv, or their folder"
+    numbers: ClassVar[tuple[str, ...]] = ("recording", "case")
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is such a table, or a folder has one."""
@@ -82,7 +83,9 @@ def _case(rows: Table, request: Request) -> tuple[int | None, float]:
     if "case_id" not in rows.columns:
         return None, 0.0
     if "case" not in request.numbers:
-        raise RecordingError(f"{rows.path} holds many cases (column case_id): name the number of one as `case`")
+        raise RecordingError(
+            f"{rows.path} holds many cases (column case_id): name one with --number case=1, for example"
+        )
     return rows.index("case_id"), request.numbers["case"]
 
 
@@ -97,7 +100,7 @@ def _shape(type_: str, sides: tuple[float, float] | None, samples: Samples) -> S
         kind = "car"
     shape = usual_shape(kind) if sides is None else shape_of(kind, *sides)
     if not shape.sized:
-        samples.note(f"The file has no sizes of kind {kind}: a usual size is used.")
+        samples.note(f"Actors of kind {kind} without a possible size have a usual one.")
     return shape
 
 
@@ -114,7 +117,8 @@ def _tracks_file(request: Request) -> Path:
         files = [file for file in files if file.stem.rpartition("_")[2] == f"{round(recording):03d}"]
     if len(files) != 1:
         names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
-        raise RecordingError(f"{path}: name one of its tables of tracks ({names})")
+        has = f"no recording {recording:g}" if recording is not None and not files else "more than one recording"
+        raise RecordingError(f"{path} has {has}: name one of its tables of tracks ({names})")
     return files[0]
 
 

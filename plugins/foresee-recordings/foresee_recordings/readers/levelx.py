@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from foresee_recordings.readers.classes import Shape, kind_of, shape_of
 from foresee_recordings.readers.samples import Samples
-from foresee_recordings.readers.tables import Table, number, table
+from foresee_recordings.readers.tables import Table, listed, number, table
 from foresee_recordings.reading import Request
 from foresee_recordings.recording import Recording, RecordingError
 
@@ -28,6 +28,7 @@ class LevelXReader:
     """The data sets of levelXdata."""
 
     what: ClassVar[str] = "inD, rounD, exiD, uniD, highD: NN_tracks.csv with its two Meta tables, or their folder"
+    numbers: ClassVar[tuple[str, ...]] = ("recording",)
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is a table of tracks with its Meta tables beside it, or a folder has one."""
@@ -40,7 +41,7 @@ class LevelXReader:
         tracks = _tracks_file(request)
         rate_hz, origin_m = _recording_meta(_beside(tracks, "recordingMeta"))
         samples = Samples(request)
-        shapes, directions = _shapes(_beside(tracks, "tracksMeta"), samples)
+        shapes, directions, unclassed = _shapes(_beside(tracks, "tracksMeta"), samples)
         with table(tracks) as rows:
             sample_of = _centres(rows) if "xCenter" in rows.columns else _boxes(rows, directions)
             frame, actor = rows.indices("frame", "trackId" if "trackId" in rows.columns else "id")
@@ -51,7 +52,7 @@ class LevelXReader:
                         samples.add(name, time_s, *sample_of(row))
                 except ValueError as err:
                     raise rows.error(f"a value is not a number ({err})") from None
-        samples.check_shapes(shapes, "tracksMeta")
+        samples.check_actors(shapes.keys() | unclassed, "tracksMeta")
         return samples.recording("levelx", shapes, source=tracks, origin_m=origin_m)
 
 
@@ -77,11 +78,15 @@ def _tracks_file(request: Request) -> Path:
             raise RecordingError(f"{path}: the name of a table of tracks ends with `_tracks.csv`")
         return path
     files = _tables_in(path)
+    recordings = {file: file.name.partition("_")[0] for file in files}
     if (wanted := request.numbers.get("recording")) is not None:
-        files = [file for file in files if file.name.partition("_")[0].lstrip("0") == f"{wanted:g}".lstrip("0")]
+        files = [file for file in files if recordings[file].lstrip("0") == f"{wanted:g}".lstrip("0")]
     if len(files) != 1:
-        names = ", ".join(file.name for file in _tables_in(path)[:20]) or "none"
-        raise RecordingError(f"{path}: name one of its tables of tracks ({names}), or write --number recording=7")
+        names = listed([file.name for file in recordings], 20) or "none"
+        first = next(iter(recordings.values()), "")
+        advice = f"write --number recording={int(first)}, for example" if first.isdigit() else "name one of them"
+        has = f"no recording {wanted:g}" if wanted is not None and not files else "more than one recording"
+        raise RecordingError(f"{path} has {has}; its tables of tracks are {names}: {advice}")
     return files[0]
 
 
@@ -103,10 +108,11 @@ def _recording_meta(file: Path) -> tuple[float, tuple[float, float]]:
         return rate_hz, ((origin[0], origin[1]) if len(origin) == 2 and all(map(math.isfinite, origin)) else (0.0, 0.0))
 
 
-def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float]]:
-    """Return the shape of each actor, and the driving direction of those of highD, rad."""
+def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, float], set[str]]:
+    """Return the shape of each actor, the driving direction of those of highD, rad, and the actors of unknown class."""
     shapes: dict[str, Shape] = {}
     directions: dict[str, float] = {}
+    unclassed: set[str] = set()
     with table(file) as rows:
         boxes = "height" in rows.columns  # highD: `width` is along the road
         actor, class_ = rows.indices("id" if boxes else "trackId", "class")
@@ -117,16 +123,17 @@ def _shapes(file: Path, samples: Samples) -> tuple[dict[str, Shape], dict[str, f
             kind = kind_of(row[class_])
             if kind is None:
                 samples.left_out["actors of an unknown class"] += 1
+                unclassed.add(row[actor])
                 continue
             try:
                 shape = shapes[row[actor]] = shape_of(kind, number(row[length]), number(row[width]))
             except ValueError as err:
                 raise rows.error(f"a value is not a number ({err})") from None
             if not shape.sized:
-                samples.note(f"The file has no sizes of kind {kind}: a usual size is used.")
+                samples.note(f"Actors of kind {kind} without a possible size have a usual one.")
             if direction is not None:
                 directions[row[actor]] = {"1": math.pi, "2": 0.0}.get(row[direction].strip(), math.nan)
-    return shapes, directions
+    return shapes, directions, unclassed
 
 
 def _centres(rows: Table) -> Callable[[Sequence[str]], Sample]:

@@ -43,6 +43,7 @@ class OsiReader:
     """ASAM OSI ground truth."""
 
     what: ClassVar[str] = "ASAM OSI: traces of GroundTruth or SensorView (.osi, .mcap), omega-prime (.mcap, .parquet)"
+    numbers: ClassVar[tuple[str, ...]] = ()
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is MCAP, a Parquet file of omega-prime, or has OSI's suffix."""
@@ -119,7 +120,7 @@ class _Objects:
             counts = ", ".join(f"{count} {kind}" for kind, count in self._guessed.items())
             yield f"Objects of unknown class have the class that their size suggests ({counts})."
         if unsized := sum(not shape.sized for shape in self.shapes.values()):
-            yield f"{have(unsized, 'object')} no size: that which is usual for the class is used."
+            yield f"{have(unsized, 'object')} no possible size: that which is usual for the class is used."
         if self._sized_anew:
             yield f"{have(len(self._sized_anew), 'object')} different sizes: the first one is used."
 

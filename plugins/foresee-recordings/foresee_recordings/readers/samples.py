@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.limits import most, raised_by
+from foresee_dsl.report.safe_text import counted
 from foresee_recordings.maps.roads_file import roads_of_file
 from foresee_recordings.readers.classes import Shape, have
 from foresee_recordings.reading import Request
@@ -29,7 +30,7 @@ GAP_S = 1.0
 """An actor that is absent for longer becomes a second track, s. Ours: interpolating over more would invent its motion;
 data sets fill shorter gaps."""
 _GAP_STEPS = 2.5
-"""Number of usual steps of an actor that a gap has at least: recordings of SUMO have a step of 1 s. Ours."""
+"""Number of usual (median) steps of an actor that a gap has at least: recordings of SUMO have a step of 1 s. Ours."""
 FASTEST_MPS = 100.0
 """Two samples that are farther apart than this speed allows are a jump, m/s. Ours: 360 km/h."""
 JUMP_M = 5.0
@@ -45,6 +46,19 @@ _UNIT_FACTOR, _DOUBTFUL_FACTOR = 5.0, 1.5
 km/h differ by 3.6 and are noted, milliseconds, degrees and pixels differ by more."""
 _CHECKED_STEPS = 50
 """Number of moving steps that the check of units needs. Ours."""
+_WINDOW_S, _CHECKED_WINDOWS = 1.0, 3
+"""Length of the windows in which an actor's motion is compared with its recorded speeds, s, and the number of them in
+which it must move. Ours: in 1 s a noise of 7 cm is 0.07 m/s, far below `_MOVING_MPS`; from step to step at 25 Hz it
+would be 2 m/s."""
+_TURNED_RAD = math.radians(30)
+"""Median angle between an actor's recorded headings and the direction of its motion from which on they disagree, rad.
+Ours: a noise of 5 cm is 4 degrees over 1 m, and a reference point at the bumper deviates by 30 degrees only in tight
+turns; headings in degrees, against the sense or from north differ by more for most directions.
+"""
+_WALKING = ("pedestrian", "obstacle")
+"""Kinds whose headings are not checked: they need not face where they move."""
+_NAMED = 5
+"""Number of actors that a note names. Ours."""
 _LARGEST_M, _LATEST_S = 1e8, 1e11
 """Places and times beyond these are damaged, m and s. Ours: UTM's northings reach 1e7 m, and 1e11 s are 3,000 years."""
 _SAME_M = 0.01
@@ -72,6 +86,7 @@ class Samples:
         self._first_s, self._last_s = math.inf, -math.inf
         self._steps, self._jumps = 0, 0
         self._derived: Counter[str] = Counter()
+        self._splits: Counter[tuple[str, str]] = Counter()
         self.left_out: Counter[str] = Counter()
         self.notes: dict[str, None] = {}
         self.heading_unit = 1.0
@@ -131,9 +146,9 @@ class Samples:
                 f"{_ACTOR_SAMPLES}): read a part of it with --from and --to, or {raised_by('recording')}"
             )
 
-    def check_shapes(self, shapes: Mapping[str, Shape], what: str) -> None:
-        """Count the actors that have samples and no shape, since they are not in `what`."""
-        if count := sum(actor not in shapes for actor in self._buffers):
+    def check_actors(self, listed: Collection[str], what: str) -> None:
+        """Count the actors that have samples and are not among those that are listed in `what`."""
+        if count := sum(actor not in listed for actor in self._buffers):
             self.left_out[f"actors that are not in {what}"] += count
 
     def note(self, sentence: str) -> None:
@@ -166,7 +181,16 @@ class Samples:
         path = source or self._request.path
         tracks: list[Track] = []
         motions = {actor: list(self._motions(actor)) for actor in list(self._buffers)}
-        self._check_units(path, [motion for parts in motions.values() for motion in parts])
+        windows = {actor: _windows(parts, self.heading_unit) for actor, parts in motions.items()}
+        self._check_units(path, motions, windows)
+        self._check_headings(
+            path,
+            {
+                actor: windows[actor]
+                for actor, shape in shapes.items()
+                if actor in windows and shape.kind not in _WALKING
+            },
+        )
         names = set(motions)
         for actor, parts in motions.items():
             form = shapes.get(actor)
@@ -177,6 +201,9 @@ class Samples:
                 tracks.append(self._track(name, form, motion, offset))
         if not tracks:
             raise RecordingError(f"{path}: {self._nothing()}")
+        for (noun, size), count in self._splits.items():
+            if count:
+                self.note(f"{counted(count, noun)} {size}: after it, an actor goes on as another.")
         for what, count in self._derived.items():
             self.note(f"{have(count)} {what}.")
         if self._request.map_file is not None:
@@ -205,10 +232,8 @@ class Samples:
         gaps, jumps = steps > longest_s, _jumps(rows)
         self._steps += len(steps)
         self._jumps += int(jumps.sum())
-        if gaps.any():
-            self.left_out["gaps of more than a second, after which an actor is a second track"] += int(gaps.sum())
-        if jumps.any():
-            self.left_out["jumps, after which an actor is a second track"] += int(jumps.sum())
+        self._splits["gap", f"of more than {GAP_S:g} s and {_GAP_STEPS:g} usual steps"] += int((gaps & ~jumps).sum())
+        self._splits["jump", f"of more than {JUMP_M:g} m and {FASTEST_MPS:g} m/s"] += int(jumps.sum())
         for part in np.split(rows, np.flatnonzero(gaps | jumps) + 1):
             if len(part) > 1:
                 yield part
@@ -260,23 +285,61 @@ class Samples:
         buffer = next(iter(self._buffers.values()), None)
         return np.full(2, math.nan) if buffer is None else np.array(buffer[1:3])
 
-    def _check_units(self, path: Path, motions: list[FloatArray]) -> None:
-        """Raise if the positions cannot be in metres or the times in seconds; note speeds that differ."""
+    def _check_units(
+        self, path: Path, motions: Mapping[str, list[FloatArray]], windows: Mapping[str, FloatArray]
+    ) -> None:
+        """Raise if the positions cannot be in metres, the times in seconds or the speeds in m/s; note speeds that
+        differ."""
         if self._jumps >= max(_JUMPING_SHARE * self._steps, _JUMPS):
             raise RecordingError(
                 f"{path}: {self._jumps:,} of {self._steps:,} steps between samples are faster than {FASTEST_MPS:g} "
                 "m/s, so the positions are not in metres, or the times not in seconds (pixels, milliseconds)"
             )
-        ratio = _speed_ratio(motions)
-        if ratio is None:
-            return
-        if not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
+        ratio = _speed_ratio([motion for parts in motions.values() for motion in parts])
+        if ratio is not None and not 1 / _UNIT_FACTOR < ratio < _UNIT_FACTOR:
             raise RecordingError(
                 f"{path}: the positions move with {ratio:.2g} times the recorded speeds, so they are not in metres, or "
                 "the times not in seconds (geographic coordinates, pixels, milliseconds)"
             )
-        if not 1 / _DOUBTFUL_FACTOR < ratio < _DOUBTFUL_FACTOR:
+        ratios = {actor: own for actor, rows in windows.items() if (own := _signed_ratio(rows)) is not None}
+        if opposed := [actor for actor, own in ratios.items() if own < 0 or own > _UNIT_FACTOR]:
+            moved, recorded = np.nanmedian(windows[opposed[0]][:, :2], axis=0)
+            which = f"the positions of {_some(opposed)} move, but their recorded speeds are negative or near 0"
+            example = f"{opposed[0]}: {moved:.1f} m/s by its positions, {recorded:.1f} m/s recorded"
+            if len(opposed) > len(ratios) / 2:
+                raise RecordingError(
+                    f"{path}: {which} ({example}); correct the speeds, or leave them out: then those of the "
+                    "positions are used"
+                )
+            self.note(f"{which[0].upper()}{which[1:]} ({example}).")
+        doubtful = [actor for actor, own in ratios.items() if 0 < own <= _UNIT_FACTOR and _is_doubtful(own)]
+        if doubtful and len(doubtful) <= len(ratios) / 2:
+            own = float(np.median([ratios[actor] for actor in doubtful]))
+            self.note(
+                f"The positions of {_some(doubtful)} move with {own:.2f} times their recorded speeds, which may be in "
+                "another unit."
+            )
+        elif ratio is not None and _is_doubtful(ratio):
             self.note(f"The positions move with {ratio:.2f} times the recorded speeds, which may be in another unit.")
+
+    def _check_headings(self, path: Path, windows: Mapping[str, FloatArray]) -> None:
+        """Raise if most moving vehicles have headings that are not the directions of their motion; note single ones.
+
+        A vehicle may reverse, so a single one is not an error.
+        """
+        angles = {actor: angle for actor, rows in windows.items() if (angle := _turned_rad(rows)) is not None}
+        turned = [actor for actor, angle in angles.items() if angle > _TURNED_RAD]
+        if not turned:
+            return
+        degrees = math.degrees(float(np.median([angles[actor] for actor in turned])))
+        which = f"the headings of {_some(turned)} differ by {degrees:.0f} degrees from the directions of their motion"
+        if len(turned) > max(len(angles) / 2, 1):
+            raise RecordingError(
+                f"{path}: {which}, so they are in another unit, or not counter-clockwise from east (a table's columns "
+                "are heading_rad or heading_deg); correct the headings, or leave them out: then those of the motion "
+                "are used"
+            )
+        self.note(f"{which[0].upper()}{which[1:]}: reversing, or wrong headings.")
 
     def _track(self, name: str, form: Shape, rows: FloatArray, offset: tuple[float, float]) -> Track:
         """Return the track of a motion, with the headings and speeds that the file has not."""
@@ -290,11 +353,11 @@ class Samples:
             )
             absent[too_fast, 3] = True
         if absent[:, 2].any():
-            self._derived["no headings: those of their motion are used"] += 1
+            self._derived[f"no headings{_where(absent[:, 2])}: those of their motion are used"] += 1
             states[absent[:, 2], 2] = _directions(rows)[absent[:, 2]]
         if absent[:, 3].any():
-            if (absent[:, 3] & ~too_fast).any():
-                self._derived["no speeds: those of their positions are used"] += 1
+            if (missing := absent[:, 3] & ~too_fast).any():
+                self._derived[f"no speeds{_where(missing)}: those of their positions are used"] += 1
             velocity = np.gradient(rows[:, 1:3], rows[:, 0], axis=0)
             states[absent[:, 3], 3] = np.hypot(*velocity.T)[absent[:, 3]]
         states[:, 2] = np.remainder(states[:, 2] + np.pi, 2 * np.pi) - np.pi
@@ -314,6 +377,63 @@ def _speed_ratio(motions: list[FloatArray]) -> float | None:
         ratios.append(np.hypot(steps[moving, 1], steps[moving, 2]) / steps[moving, 0] / np.abs(speeds[moving]))
     checked = np.concatenate(ratios) if ratios else np.empty(0)
     return float(np.median(checked)) if len(checked) >= _CHECKED_STEPS else None
+
+
+def _where(absent: NDArray[np.bool_]) -> str:
+    return "" if absent.all() else " in some samples"
+
+
+def _is_doubtful(ratio: float) -> bool:
+    return not 1 / _DOUBTFUL_FACTOR < ratio < _DOUBTFUL_FACTOR
+
+
+def _windows(parts: list[FloatArray], heading_unit: float) -> FloatArray:
+    """Return the motion of an actor in windows of a second in which it moves or has a speed, [N, 4]: speed of its
+    positions and mean recorded speed (m/s), direction of motion and recorded heading (rad; NaN without)."""
+    windows = [np.empty((0, 4))]
+    for rows in parts:
+        window = np.floor((rows[:, 0] - rows[0, 0] + _ROUNDING_S) / _WINDOW_S)
+        ends = np.flatnonzero(np.diff(window, prepend=-1))  # the first sample of each
+        if len(ends) < 2:
+            continue
+        heading, speed = np.where(np.isfinite(rows[:, 3:]), rows[:, 3:], math.nan).T
+        lasts_s, *way = np.diff(rows[ends, :3], axis=0).T
+        steps_m = np.diff(rows[:, 0]) * (speed[1:] + speed[:-1]) / 2
+        recorded = np.add.reduceat(steps_m[: ends[-1]], ends[:-1]) / lasts_s
+        moved = np.hypot(*way) / lasts_s
+        headings = heading[(ends[:-1] + ends[1:]) // 2] * heading_unit
+        moving = (moved > _MOVING_MPS) | (np.abs(recorded) > _MOVING_MPS)
+        windows.append(np.column_stack((moved, recorded, np.arctan2(way[1], way[0]), headings))[moving])
+    return np.concatenate(windows)
+
+
+def _signed_ratio(windows: FloatArray) -> float | None:
+    """Return the median speed of an actor's positions in relation to its recorded speed: infinite if that is 0,
+    negative if it is below 0 although the actor moves ahead; None for too few windows."""
+    finite = windows[np.isfinite(windows[:, 1])]
+    if len(finite) < _CHECKED_WINDOWS:
+        return None
+    moved, recorded, direction, heading = finite.T
+    backwards = np.cos(heading - direction) < 0  # False without a heading: then it is that of the motion
+    speeds = np.where(backwards, np.abs(recorded), recorded)
+    ratios = np.divide(moved, speeds, out=np.full(len(finite), math.inf), where=speeds != 0)
+    return float(np.median(ratios))
+
+
+def _turned_rad(windows: FloatArray) -> float | None:
+    """Return the median angle between an actor's headings and the directions of its motion, rad, from 0 to pi; None for
+    too few windows. With a negative speed, it should move against its heading."""
+    moved, recorded, direction, heading = windows[(windows[:, 0] > _MOVING_MPS) & np.isfinite(windows[:, 3])].T
+    if len(moved) < _CHECKED_WINDOWS:
+        return None
+    ahead = heading + np.where(recorded < 0, math.pi, 0.0)
+    return float(np.median(np.abs(np.remainder(ahead - direction + math.pi, 2 * math.pi) - math.pi)))
+
+
+def _some(actors: list[str]) -> str:
+    """Return the names of actors for a note, the first ones of many."""
+    more = len(actors) - _NAMED
+    return ", ".join(actors[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _directions(rows: FloatArray) -> FloatArray:

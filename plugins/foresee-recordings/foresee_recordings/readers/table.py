@@ -40,6 +40,8 @@ from east. `heading` is in degrees if any value is more than a full turn of radi
 _PER_S: Mapping[str, float] = {"time_s": 1.0, "time_ms": 1e-3, "time_ns": 1e-9}
 _TURN_RAD = 6.4
 """Headings above this are in degrees. Ours: a full turn and some rounding."""
+_MOST_RAD = 8 * math.pi
+"""If most headings are beyond this, they cannot be in rad. Ours: four turns, if an actor's turns are counted on."""
 _KMH = 3.6
 
 
@@ -47,6 +49,7 @@ class TableReader:
     """Any table with a row for each sample."""
 
     what: ClassVar[str] = "any table (CSV) with a row for each sample of an actor; its columns can be named"
+    numbers: ClassVar[tuple[str, ...]] = ("rate_hz",)
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether the first line has usual names for the columns of time, actor, x and y."""
@@ -69,22 +72,30 @@ class TableReader:
             time_of = _time(rows, columns, request)
             motion_of, shape_in = _motion(columns), _shape(columns, unknown)
             actor, x, y = columns["actor"], columns["x_m"], columns["y_m"]
-            widest = 0.0
+            widest, count, far = 0.0, 0, 0
             for row in rows.rows:
                 try:
                     name, time_s = row[actor].strip(), time_of(row)
                     if not samples.wants(name, time_s):
                         continue
                     heading, speed = motion_of(row)
-                    widest = max(widest, abs(heading))
+                    count += 1
+                    if math.isfinite(heading):
+                        widest, far = max(widest, abs(heading)), far + (abs(heading) > _MOST_RAD)
                     if samples.add(name, time_s, number(row[x]), number(row[y]), heading, speed) and name not in shapes:
                         shapes[name] = shape_in(row)
                 except ValueError as err:
                     raise rows.error(f"a value is not a number ({err})") from None
+        if "heading_rad" in columns and far > count / 2:
+            theirs = rows.columns[columns["heading_rad"]]
+            raise RecordingError(
+                f"{request.path}: the headings in {theirs!r} reach {widest:.0f}, so they are not in rad: write "
+                f"--columns heading_deg={theirs} if they are in degrees"
+            )
         if "heading" in columns and widest > _TURN_RAD:
             samples.heading_unit = math.pi / 180
             samples.note(f"Headings reach {widest:.0f}: they are in degrees.")
-        _note(samples, shapes, unknown)
+        _note(samples, shapes, unknown, has_sizes={"length_m", "width_m"} <= columns.keys())
         return samples.recording("table", shapes)
 
 
@@ -172,11 +183,13 @@ def _shape(columns: Mapping[str, int], unknown: Counter[str]) -> Callable[[Seque
     return shape
 
 
-def _note(samples: Samples, shapes: Mapping[str, Shape], unknown: Counter[str]) -> None:
+def _note(samples: Samples, shapes: Mapping[str, Shape], unknown: Counter[str], *, has_sizes: bool) -> None:
     if count := unknown.pop("", 0):
         samples.note(f"{have(count)} no class: cars are assumed.")
     if unknown:
         words = ", ".join(repr(word) for word, _ in unknown.most_common(8))
         samples.note(f"{have(sum(unknown.values()))} an unknown class ({words}): cars are assumed.")
     if unsized := sum(not shape.sized for shape in shapes.values()):
-        samples.note(f"{have(unsized)} no size: that which is usual for the class is used.")
+        samples.note(
+            f"{have(unsized)} no {'possible size' if has_sizes else 'size'}: that which is usual for the class is used."
+        )

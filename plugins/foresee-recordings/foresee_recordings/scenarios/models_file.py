@@ -14,9 +14,7 @@ _LEAST_M = 0.3
 class Models:
     """The models of a recording's actors, by size in steps of 0.1 m: `car.r45x18` is 4.5 m long and 1.8 m wide."""
 
-    def __init__(self, name: str) -> None:
-        """Begin without models; `name`: name of the catalogue."""
-        self._name = name
+    def __init__(self) -> None:
         self._models: dict[str, m.VehicleModel] = {}
 
     def of(self, track: Track) -> str:
@@ -27,11 +25,11 @@ class Models:
             self._models[name] = _sized(nearest(track.kind, length, width), name, length, width)
         return name
 
-    def text(self) -> str:
-        """Return the catalogue's file."""
-        body = tuple(self._models[name] for name in sorted(self._models))
+    def text(self, name: str) -> str:
+        """Return the file of a catalogue of this name."""
+        body = tuple(self._models[model] for model in sorted(self._models))
         doc = m.Doc(text="Sizes as recorded, rounded to 0.1 m; the other values as in the nearest bundled model.")
-        return print_model(m.Catalogue(name=self._name, body=(doc, *body)))
+        return print_model(m.Catalogue(name=name, body=(doc, *body)))
 
 
 def nearest(kind: str, length_m: float, width_m: float) -> m.VehicleModel:

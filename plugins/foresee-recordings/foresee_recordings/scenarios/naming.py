@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from foresee_recordings.mining.situation import Situation
 
-_HEAD = 4096
-"""Number of characters at the beginning of a file of tracks that contain the recording's hash. Ours."""
 _LONGEST_TEXT = 2000
 """Longest text of the language, characters (`language.model.values.Text`)."""
 _LONGEST = 40
@@ -41,22 +39,21 @@ def unique(names: Iterable[str]) -> list[str]:
     return result
 
 
-def free_name(folder: Path, name: str, sha256: str) -> str:
-    """Return the name of a test case in a folder, with a number if the folder has it from another recording.
+def free_name(name: str, files_of: Callable[[str], Mapping[Path, str]]) -> tuple[str, Mapping[Path, str]]:
+    """Return a name, with a number if its files are there with other content, and the files of that name.
 
-    A test case of the same recording (`sha256`) is written again.
+    `files_of` returns the texts of a name's files. Files with the same content are the same, and are written again.
     """
-    candidate, number = name, 2
-    while _of_another(folder / f"{candidate}.tracks.csv", sha256):
-        candidate, number = f"{name}_{number}", number + 1
-    return candidate
+    candidate, files, number = name, files_of(name), 2
+    while any(_is_other(path, text) for path, text in files.items()):
+        candidate = f"{name}_{number}"
+        files, number = files_of(candidate), number + 1
+    return candidate, files
 
 
-def _of_another(tracks: Path, sha256: str) -> bool:
-    if not tracks.exists():
-        return False
-    with tracks.open(encoding="utf-8", errors="replace") as file:
-        return sha256 not in file.read(_HEAD)
+def _is_other(path: Path, text: str) -> bool:
+    """Return whether there is a file of this path with another content."""
+    return path.exists() and not (path.is_file() and path.read_bytes() == text.encode())
 
 
 def file_names(situations: Sequence[Situation]) -> list[str]:

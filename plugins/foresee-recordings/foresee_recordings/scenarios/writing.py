@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,6 +26,8 @@ from foresee_recordings.scenarios.tracks_file import plain_name, samples, tracks
 
 _PREFIX = {"pedestrian": "p", "bicycle": "b", "obstacle": "o"}
 """Beginnings of actors' names by class; `v` for vehicles."""
+_ON_TRACKS = ("pedestrian", "obstacle")
+"""Classes that SUMO does not drive."""
 _PIN_DIGITS = 12
 
 
@@ -64,7 +66,8 @@ def write_cases(
     """Write a test case for each situation that can be one, and the files that they use.
 
     Raises:
-        RecordingError: the recording has no roads that a test case can use, or an actor of `driven` is not in it.
+        RecordingError: the recording has no roads that a test case can use, or an actor of `driven` is not in it or
+            always follows its track.
     """
     if not situations:
         return ()
@@ -73,9 +76,8 @@ def write_cases(
     for number, (name, situation) in enumerate(zip(file_names(situations), situations, strict=True), 1):
         begins_s, ends_s = situation.moment_s - choice.before_s, situation.moment_s + choice.after_s
         cut = cut_around(traffic, traffic.ids[situation.ego], begins_s, ends_s, choice.radius_m)
-        free = free_name(folder, name, traffic.recording.sha256)
         doc = f"Recorded: {situation.sentence}, at {situation.moment_s:.2f} s of {source}."
-        tasks.append(_Task(number, free, doc, ("recorded", situation.name), cut))
+        tasks.append(_Task(number, name, doc, ("recorded", situation.name), cut))
     return _write(traffic, tasks, folder, choice)
 
 
@@ -85,9 +87,19 @@ def write_seconds(traffic: Traffic, ego: str, folder: Path, choice: Choice) -> W
     number = traffic.ids[recording.track(ego).id]
     cut = cut_around(traffic, number, recording.begins_s, recording.ends_s, choice.radius_m)
     doc = f"Recorded: {ego} from {cut.begins_s:.2f} s to {cut.ends_s:.2f} s of {recording.source.name}."
-    name = free_name(folder, word(f"{recording.name}_{ego}"), recording.sha256)
-    (case,) = _write(traffic, [_Task(0, name, doc, ("recorded",), cut)], folder, choice)
+    task = _Task(0, word(f"{recording.name}_{ego}"), doc, ("recorded",), cut)
+    (case,) = _write(traffic, [task], folder, choice)
     return case
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """A test case before the names of its files are chosen: its actors, the text of their tracks, and its notes."""
+
+    task: _Task
+    roles: list[Role]
+    tracks: str
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -101,41 +113,52 @@ class _Writer:
     folder: Path
     choice: Choice
 
-    @property
-    def base(self) -> str:
-        """The name of the files that all test cases share."""
-        return word(self.traffic.recording.name) or "recording"
+    def shared(self) -> tuple[Files, dict[Path, str]]:
+        """Return the names of the files of the roads and the models, which all drafts use, and their texts.
 
-    def shared(self) -> dict[Path, str]:
-        """Return the files of the roads and the models."""
-        return {
-            self.folder / f"{self.base}{self.roads.suffix}": self.roads.text,
-            self.folder / f"{self.base}.models.foresee": self.models.text(),
-        }
+        Test cases that are there keep theirs: other roads or models get another name.
+        """
+        base, suffix = word(self.traffic.recording.name) or "recording", self.roads.suffix
+        network, roads = free_name(base, lambda name: {self.folder / f"{name}{suffix}": self.roads.text})
+        models, catalogue = free_name(
+            base, lambda name: {self.folder / f"{name}.models.foresee": self.models.text(name)}
+        )
+        return Files(f"{network}{suffix}", f"{models}.models.foresee", "", ""), {**roads, **catalogue}
 
-    def case(self, task: _Task) -> tuple[WrittenCase, dict[Path, str]]:
-        """Return a test case and its files; no files if it cannot be one."""
+    def draft(self, task: _Task) -> _Draft | str:
+        """Return the draft of a test case, or why there can be none."""
         cut = task.cut
         if reason := self._unusable(cut):
-            return WrittenCase(task.number, None, reason, left_out=cut.left_out), {}
+            return reason
         roles = _roles(self.traffic, cut, self.models, self.network, self.roads.offset, self.choice)
         goal = goal_before_the_end(self.traffic, cut, self.network, self.roads.offset)
         roles[0] = replace(roles[0], goal=goal)
         tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, self.roads.offset) for role in roles}
-        tracks = tracks_text(self.traffic.recording, tables)
-        pin = hashlib.sha256(tracks.encode()).hexdigest()[:_PIN_DIGITS]
-        files = Files(
-            network=f"{self.base}{self.roads.suffix}",
-            models=f"{self.base}.models.foresee",
-            tracks=f"{task.name}.tracks.csv",
-            pin=f"sha256:{pin}",
-        )
-        deviation_m = self.choice.deviation_m
-        model = scenario(task.name, task.doc, task.tags, files, roles, lasts_s=cut.lasts_s, deviation_m=deviation_m)
-        file = self.folder / f"{task.name}.foresee"
-        notes = _notes(self.traffic, cut, self.network)
-        case = WrittenCase(task.number, file, "", len(roles) - 1, cut.left_out, notes)
-        return case, {self.folder / files.tracks: tracks, file: print_model(model)}
+        return _Draft(task, roles, tracks_text(self.traffic.recording, tables), _notes(self.traffic, cut, self.network))
+
+    def case(self, draft: _Draft, shared: Files) -> tuple[WrittenCase, Mapping[Path, str]]:
+        """Return the test case of a draft, and the texts of its scenario and tracks."""
+        task = draft.task
+
+        def files_of(name: str) -> dict[Path, str]:
+            pin = hashlib.sha256(draft.tracks.encode()).hexdigest()[:_PIN_DIGITS]
+            files = replace(shared, tracks=f"{name}.tracks.csv", pin=f"sha256:{pin}")
+            model = scenario(
+                name,
+                task.doc,
+                task.tags,
+                files,
+                draft.roles,
+                lasts_s=task.cut.lasts_s,
+                deviation_m=self.choice.deviation_m,
+            )
+            return {self.folder / files.tracks: draft.tracks, self.folder / f"{name}.foresee": print_model(model)}
+
+        name, texts = free_name(task.name, files_of)
+        renamed = f"{task.name}.foresee or its tracks are there with other content, so this one has another name"
+        notes = draft.notes if name == task.name else (*draft.notes, renamed)
+        file = self.folder / f"{name}.foresee"
+        return WrittenCase(task.number, file, "", len(draft.roles) - 1, task.cut.left_out, notes), texts
 
     def _unusable(self, cut: Cut) -> str:
         ego = self.traffic.tracks[cut.ego]
@@ -144,24 +167,31 @@ class _Writer:
         return unusable(self.traffic, cut, self.network, self.roads.offset)
 
 
-def _write(traffic: Traffic, tasks: Iterable[_Task], folder: Path, choice: Choice) -> tuple[WrittenCase, ...]:
+def _write(traffic: Traffic, tasks: Sequence[_Task], folder: Path, choice: Choice) -> tuple[WrittenCase, ...]:
     recording = traffic.recording
     roads = roads_of(recording)
     if roads is None:
         raise RecordingError(f"{recording.source.name} has no roads, and no vehicle in it moves; name a map with --map")
     for name in choice.driven:
-        recording.track(name)
-    writer = _Writer(traffic, roads, network_of(roads), Models(word(recording.name) or "recording"), folder, choice)
+        if (kind := recording.track(name).kind) in _ON_TRACKS:
+            raise RecordingError(
+                f"{name} is of the class {kind}, which always follows its track: leave out --drive {name}"
+            )
+    writer = _Writer(traffic, roads, network_of(roads), Models(), folder, choice)
+    drafts = [writer.draft(task) for task in tasks]  # all of them before the first text: they share their models
+    shared, texts = writer.shared()
     cases: list[WrittenCase] = []
-    texts: dict[Path, str] = {}
-    for task in tasks:
-        case, files = writer.case(task)
-        if files and not texts and recording.roads is None:  # about all test cases, but said once
+    for task, draft in zip(tasks, drafts, strict=True):
+        if isinstance(draft, str):
+            cases.append(WrittenCase(task.number, None, draft, left_out=task.cut.left_out))
+            continue
+        case, files = writer.case(draft, shared)
+        if recording.roads is None and not any(earlier.file for earlier in cases):  # about all, but said once
             case = replace(case, notes=(*case.notes, *roads.notes))
         cases.append(case)
-        texts |= files
-    for path, text in (writer.shared() | texts if texts else texts).items():
-        write_whole(path, text)
+        for path, text in (*texts.items(), *files.items()):
+            write_whole(path, text)
+        texts = {}  # written once
     return tuple(cases)
 
 
@@ -180,7 +210,7 @@ def _roles(
     roles = []
     for k, name, track_name in zip(numbers, names, track_names, strict=True):
         track = traffic.tracks[k]
-        wheels = track.kind not in ("pedestrian", "obstacle")
+        wheels = track.kind not in _ON_TRACKS
         later = _from(track, cut.begins_s)
         route = route_of(later, network, offset) if wheels else ()
         role = Role(name, track, track_name, models.of(track), route)
@@ -224,5 +254,5 @@ def _notes(traffic: Traffic, cut: Cut, network: RoadNetwork) -> tuple[str, ...]:
     guessed = [traffic.tracks[k].id for k in (cut.ego, *cut.others) if not traffic.tracks[k].sized]
     if guessed:
         names = ", ".join(guessed[:5]) + (f" and {len(guessed) - 5} more" if len(guessed) > 5 else "")
-        notes.append(f"the recording has no sizes of {names}: they are usual ones of the class")
+        notes.append(f"the recording has no possible sizes of {names}: they are usual ones of the class")
     return tuple(notes)

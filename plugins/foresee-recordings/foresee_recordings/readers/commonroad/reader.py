@@ -56,6 +56,7 @@ class CommonRoadReader:
     """The reader of CommonRoad's XML."""
 
     what: ClassVar[str] = "CommonRoad XML, 2018b and 2020a, with its lanelets"
+    numbers: ClassVar[tuple[str, ...]] = ()
 
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file is of this format."""
