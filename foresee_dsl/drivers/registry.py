@@ -18,7 +18,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from foresee_dsl.drivers.consent import ask
-from foresee_dsl.drivers.parts import DriverPart, ideal_parts, parts_of, with_ideal, without_ideal
+from foresee_dsl.drivers.parts import IDEAL, DriverPart, ideal_parts, parts_of, with_ideal, without_ideal
 from foresee_dsl.drivers.protocol import Driver, WatchesFirst
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
@@ -109,11 +109,19 @@ def find_driver(address: str) -> None:
         DriverError: there is no such driver (the message has similar names and the list), or a driver of ours lacks a
             requirement.
     """
-    entry = DRIVERS.find(name_in(address))
+    entry = _entry_of(name_in(address))
     if entry.module.startswith(_OURS):
         check = getattr(entry.load(), "check", None)
         if check is not None:
             check()
+
+
+def _entry_of(name: str) -> EntryPoint:
+    """Return the entry point of a driver of this name, which has no suffixes of ideal parts."""
+    if IDEAL in name:
+        suffixes = ", ".join(with_ideal("", [part]) for part in DriverPart)
+        raise DriverError(f"{name!r} names no part of a driver that can be ideal; write one or more of {suffixes}")
+    return DRIVERS.find(name)
 
 
 def load_driver(address: str) -> Driver:
@@ -128,7 +136,7 @@ def load_driver(address: str) -> Driver:
     """
     name = name_in(address)
     _, colon, argument = address.partition(":")
-    entry = DRIVERS.find(name)
+    entry = _entry_of(name)
     ask(address)
     with DRIVERS.loading(entry):
         factory = entry.load()

@@ -273,6 +273,18 @@ def test_what_is_recorded_starts_the_same_again(address: str, written: str) -> N
     assert recorded_address("external:python3 by_hand.py") == "external:python3 by_hand.py"
 
 
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ('python3 "two words.py" on', "external:python3 'two words.py' on"),
+        ("""python3 x.py '{"a": 1}'""", "external:python3 x.py '{%22a%22: 1}'"),
+    ],
+)
+def test_a_command_may_have_double_quotes(command: str, name: str) -> None:
+    with allowing([f"external:{command}"]):
+        assert load_driver(f"external:{command}").name == name
+
+
 # ---- the process ----------------------------------------------------------------------------------------------------
 
 

@@ -77,6 +77,10 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         load_driver("pmd")
     with pytest.raises(DriverError, match=r"unknown driver 'zzz'; installed: .*pdm"):
         load_driver("zzz")
+    with pytest.raises(
+        DriverError, match=r"'pdm\+ideal_eyes' names no part .*write one or more of \+ideal, \+ideal_tr"
+    ):
+        load_driver("pdm+ideal_eyes")
 
 
 @pytest.mark.parametrize(

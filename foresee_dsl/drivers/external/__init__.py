@@ -77,7 +77,8 @@ class ExternalDriver:
         self._stays = False
         self._trajectory: Trajectory | None = None
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
-        self.name = f"external:{command_line}"
+        # As a mutant's file records it (`registry.recorded_driver`): texts of the language have no double quotes.
+        self.name = f"external:{shlex.join(self._command)}".replace('"', "%22")
         self.version = ""  # read from the program's first line when the program has started
         self.parts: tuple[DriverPart, ...] = tuple(DriverPart)
         """The parts that can be replaced by ideal ones: any, until the program's first line declares them."""
