@@ -327,6 +327,15 @@ def test_bad_files_are_refused_in_words_and_nothing_is_written(tmp_path: Path, t
     assert not (tmp_path / "out").exists()
 
 
+def test_which_vehicle_became_the_ego_is_said_if_none_is_called_so(tmp_path: Path) -> None:
+    file = osc.write(tmp_path, CUT_IN.replace('"Ego"', '"Fred"'))
+    done = openscenario_import.run(file, out=tmp_path / "out")
+    assert [note for note in done.notes if note.startswith("the ego is 'Fred'") and "--ego NAME" in note]
+    assert not [note for note in imported(tmp_path / "named")[0].notes if "the ego is" in note]
+    with pytest.raises(ExchangeError, match="no vehicle 'nix' that can be driven; its vehicles are Fred, Target-1"):
+        openscenario_import.run(file, out=tmp_path / "other", ego="nix")
+
+
 def test_a_file_that_is_too_large_is_not_even_opened(tmp_path: Path) -> None:
     file = osc.write(tmp_path, CUT_IN)
     with file.open("r+b") as stream:

@@ -86,7 +86,9 @@ def read_participants(source: Source, losses: Losses, *, name: str, ego: str = "
             objects[entity.get("name", "")] = element
     chosen = _ego(objects, ego)
     if chosen is None:
-        missing = f"no vehicle '{ego}'" if ego else "no vehicle that can be driven"
+        vehicles = ", ".join(_drivable(objects))
+        there_are = f"; its vehicles are {vehicles}" if vehicles else ""
+        missing = f"no vehicle '{ego}' that can be driven{there_are}" if ego else "no vehicle that can be driven"
         raise SourceError(f"{source.path} has {missing}")
     models: dict[str, VehicleModel] = {}
     entities: dict[str, Entity] = {}
@@ -109,7 +111,7 @@ def possible_egos(source: Source) -> list[str]:
     first = _ego(elements, "")
     if first is None or name_of(first, "x").removesuffix("_x") in _EGO_NAMES:
         return [first or ""]
-    return [ref for ref, e in elements.items() if e.tag == "Vehicle" and e.get("vehicleCategory") != "bicycle"]
+    return _drivable(elements)
 
 
 class Requirements(NamedTuple):
@@ -162,11 +164,16 @@ def _object(source: Source, entity: Element, losses: Losses) -> Element | None:
 
 
 def _ego(objects: Mapping[str, Element], wanted: str) -> str | None:
-    vehicles = [ref for ref, e in objects.items() if e.tag == "Vehicle" and e.get("vehicleCategory") != "bicycle"]
+    vehicles = _drivable(objects)
     if wanted:
         return wanted if wanted in vehicles else None
     named = [ref for ref in vehicles if name_of(ref, "x").removesuffix("_x") in _EGO_NAMES]
     return next(iter([*named, *vehicles]), None)
+
+
+def _drivable(objects: Mapping[str, Element]) -> list[str]:
+    """Return the vehicles that can be the ego."""
+    return [ref for ref, e in objects.items() if e.tag == "Vehicle" and e.get("vehicleCategory") != "bicycle"]
 
 
 def _centre(element: Element) -> float:

@@ -141,7 +141,8 @@ def _read(source: Source, settings: _Settings, name: str, without: Set[str]) -> 
     suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
     network_name = name_of(network_path.name.partition(".")[0], "map") + suffix
     nowhere: ExchangeError | None = None
-    for chosen in [settings.ego] if settings.ego else possible_egos(source):
+    egos = [settings.ego] if settings.ego else possible_egos(source)
+    for chosen in egos:
         losses = Losses()
         try:
             participants = read_participants(source, losses, name=f"{name}_models", ego=chosen)
@@ -152,6 +153,8 @@ def _read(source: Source, settings: _Settings, name: str, without: Set[str]) -> 
             nowhere = err
     else:
         raise nowhere or ExchangeError(f"{source.path} has no ego")
+    if len(egos) > 1:
+        losses.note(f"the ego is '{chosen}': no vehicle has a name such as Ego or Hero; --ego NAME chooses another one")
     requirements = work.requirements_of_models(scenario)
     return _Reading(scenario, remarks, work.catalogue, requirements, losses, network_path, network_name)
 
