@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
+from foresee_dsl.files import read_outside
 from foresee_recordings.mining.situation import Situation
 
 _LONGEST_TEXT = 2000
@@ -53,7 +54,10 @@ def free_name(name: str, files_of: Callable[[str], Mapping[Path, str]]) -> tuple
 
 def _is_other(path: Path, text: str) -> bool:
     """Return whether there is a file of this path with another content."""
-    return path.exists() and not (path.is_file() and path.read_bytes() == text.encode())
+    if not path.exists():
+        return False
+    content = text.encode()
+    return not path.is_file() or path.stat().st_size != len(content) or read_outside(path) != content
 
 
 def file_names(situations: Sequence[Situation]) -> list[str]:
