@@ -38,7 +38,7 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
 from foresee_dsl.simulate.world import World
 
-CLOSE_FAILED = "the driver could not be closed after the run, which counts all the same"
+CLOSE_FAILED = "the driver could not be closed after the run (the result of the run stands)"
 """The beginning of a run's traceback if the driver's `close` raised an exception or hung."""
 
 

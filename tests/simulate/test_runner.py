@@ -135,7 +135,7 @@ def test_a_driver_that_cannot_be_closed_is_named(town: Town, waits_s: float, why
     result = run(scene(town, goal_s=60.0), NotClosed(8.0), deadlines=Deadlines(step_s=0.5))
     first, *more = result.notes.traceback.splitlines()
     assert result.verdict is Verdict.PASS
-    assert first.startswith("the driver could not be closed after the run, which counts all the same: the driver ")
+    assert first.startswith("the driver could not be closed after the run (the result of the run stands): the driver ")
     assert why in first
     assert more[0].startswith("Traceback")
 
