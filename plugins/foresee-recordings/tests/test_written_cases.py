@@ -123,6 +123,24 @@ def test_who_drives_the_others_is_in_the_file(recorded: Recorded, tmp_path: Path
     assert driven.file is not None and 'track "lead"' not in driven.file.read_text()
 
 
+def test_who_cannot_be_driven_as_chosen_is_in_the_notes(recorded: Recorded, tmp_path: Path) -> None:
+    recording = recorded.traffic.recording
+    lead = recording.track("lead")
+    aside = replace(lead, id="aside", states=lead.states + np.array([0.0, 500.0, 0.0, 0.0]))
+    late = replace(lead, id="late", time_s=lead.time_s[60:], states=lead.states[60:] + np.array([0.0, 3.2, 0.0, 0.0]))
+    traffic = Traffic(replace(recording, tracks=(*recording.tracks, aside, late)))
+    driven = frozenset({"ego", "lead", "aside", "late"})
+    case = write_seconds(traffic, "ego", tmp_path, Choice(radius_m=1000.0, driven=driven))
+    assert case.file is not None and case.actors == 5
+    notes = [note for note in case.notes if "--drive" in note]
+    assert len(notes) == 3
+    assert notes[0].startswith("ego is the ego, which the tested driver drives: leave out --drive ego")
+    assert "aside is on none of the map's lanes, so SUMO cannot drive it" in notes[1] and "--map" in notes[1]
+    assert "late is not there at the beginning" in notes[2] and "--drive late" in notes[2]
+    text = case.file.read_text()
+    assert 'track "aside"' in text and 'track "late"' in text and 'track "lead"' not in text
+
+
 def test_times_that_round_to_one_are_one(recorded: Recorded) -> None:
     track = recorded.traffic.recording.track("lead")
     uneven = replace(track, time_s=track.time_s + 1e-7 * np.sin(np.arange(len(track.time_s))))

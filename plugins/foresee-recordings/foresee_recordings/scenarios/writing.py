@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -134,7 +134,8 @@ class _Writer:
         goal = goal_before_the_end(self.traffic, cut, self.network, self.roads.offset)
         roles[0] = replace(roles[0], goal=goal)
         tables = {role.track_name: samples(role.track, cut.begins_s, cut.ends_s, self.roads.offset) for role in roles}
-        return _Draft(task, roles, tracks_text(self.traffic.recording, tables), _notes(self.traffic, cut, self.network))
+        notes = (*_notes(self.traffic, cut, self.network), *_not_driven(roles, self.choice))
+        return _Draft(task, roles, tracks_text(self.traffic.recording, tables), notes)
 
     def case(self, draft: _Draft, shared: Files) -> tuple[WrittenCase, Mapping[Path, str]]:
         """Return the test case of a draft, and the texts of its scenario and tracks."""
@@ -229,6 +230,26 @@ def _as_chosen(role: Role, cut: Cut, offset: tuple[float, float], choice: Choice
         x, y, heading, speed = (float(value) for value in state)
         return replace(role, driven=True, state=(x + offset[0], y + offset[1], heading, max(speed, 0.0)))
     return replace(role, leaves=bool(role.route))
+
+
+def _not_driven(roles: Sequence[Role], choice: Choice) -> Iterator[str]:
+    """Yield a note on each actor that SUMO should drive by the choice and does not; the first role is the ego."""
+    for role in roles:
+        id_ = role.track.id
+        if id_ not in choice.driven or role.driven:
+            continue
+        if role is roles[0]:
+            yield f"{id_} is the ego, which the tested driver drives: leave out --drive {id_}"
+        elif not role.route:
+            yield (
+                f"{id_} is on none of the map's lanes, so SUMO cannot drive it and it follows its track: leave out "
+                f"--drive {id_}, or name a map with its lanes with --map"
+            )
+        else:
+            yield (
+                f"{id_} is not there at the beginning, so SUMO cannot drive it from there and it follows its track: "
+                f"leave out --drive {id_}, or begin later (a smaller --before; with --ego alone a later --from)"
+            )
 
 
 def _from(track: Track, begins_s: float) -> Track:
