@@ -182,6 +182,23 @@ def test_a_vehicle_and_a_person_may_have_one_name(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_cars_that_are_assumed_are_in_the_notes(tmp_path: Path) -> None:
+    person = '<person id="p" x="{}" y="0" angle="90" speed="1"/>'
+    typed = 'type="DEFAULT_VEHTYPE"'
+    steps = [
+        (k, vehicle("a", 10 * k, 4, more="") + vehicle("b", 10 * k, 9, more=typed) + person.format(k)) for k in range(4)
+    ]
+    recording = reading(tmp_path, fcd(*steps))
+    assert {t.id: (t.kind, t.length_m, t.sized) for t in recording.tracks} == {
+        "a": ("car", 5.0, False), "b": ("car", 5.0, True), "p": ("pedestrian", 0.215, False),
+    }  # fmt: skip
+    more = "If SUMO wrote the file with --fcd-output.attributes, list `type` there."
+    assert recording.notes == (
+        f"1 vehicle has no type: cars are assumed (DEFAULT_VEHTYPE). {more}",
+        f"1 person has no type: pedestrians are assumed (DEFAULT_PEDTYPE). {more}",
+    )
+
+
 def test_what_is_wrong_in_single_samples_is_counted(tmp_path: Path) -> None:
     def place(k: int) -> str:
         x = {5: 900.0, 8: math.nan}.get(k, 10.0 * k)

@@ -9,12 +9,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from foresee_dsl.compile.nets.safe_xml import children_of
 from foresee_recordings.readers import fcd_degrees
-from foresee_recordings.readers.classes import Shape, kind_of, shape_of, usual_shape
+from foresee_recordings.readers.classes import Shape, have, kind_of, shape_of, usual_shape
 from foresee_recordings.readers.fcd_samples import is_parquet_table, is_table, samples_of
 from foresee_recordings.readers.samples import Samples
 from foresee_recordings.reading import Request
@@ -74,6 +75,7 @@ class FcdReader:
         """
         samples = Samples(request)
         types: dict[str, str] = {}
+        untyped: dict[str, str] = {}
         tags: dict[str, str] = {}
         for time_s, tag, fields in samples_of(request.path, samples.left_out):
             if samples.is_over(time_s):
@@ -87,9 +89,15 @@ class FcdReader:
             if actor not in types:
                 tags.setdefault(id_, tag)
                 types[actor] = str(fields.get("type") or _DEFAULT_TYPE[tag])
-        return self._recording(request, samples, types)
+                if not fields.get("type"):
+                    untyped[actor] = tag
+        return self._recording(request, samples, types, untyped)
 
-    def _recording(self, request: Request, samples: Samples, types: Mapping[str, str]) -> Recording:
+    def _recording(
+        self, request: Request, samples: Samples, types: Mapping[str, str], untyped: Mapping[str, str]
+    ) -> Recording:
+        """Return the recording; `types`: the type of each actor, `untyped`: the elements of those that the file gives
+        none."""
         file_types = types_beside(request.path, samples)
         guesses: Counter[str] = Counter()
         shapes = {}
@@ -98,6 +106,9 @@ class FcdReader:
             shape = file_types.get(type_) or file_types.get(type_.partition("@")[0]) or _usual_shape(type_)
             if shape is None:
                 samples.left_out["actors that are not road traffic, such as trains and ships"] += 1
+                continue
+            if actor in untyped:
+                shapes[actor] = replace(shape, sized=False)
                 continue
             shapes[actor] = shape
             if not shape.sized:
@@ -108,6 +119,12 @@ class FcdReader:
                 "The file has no sizes: those that SUMO gives to a class by default are used, for "
                 f"{counts}{', ...' if len(guesses) > _LISTED else ''}. Put the file with the vehicle types beside it "
                 "(NAME.rou.xml or NAME.add.xml)."
+            )
+        for tag, count in Counter(untyped.values()).items():
+            kind, *_ = SUMO_SIZES_M[_DEFAULT_TYPES[_DEFAULT_TYPE[tag]]]
+            samples.note(
+                f"{have(count, tag)} no type: {kind}s are assumed ({_DEFAULT_TYPE[tag]}). If SUMO wrote the file with "
+                "--fcd-output.attributes, list `type` there."
             )
         zone = self._zone(request, samples)
         recording = samples.recording("fcd", shapes, offset_m=lambda _, shape: (-shape.length_m / 2, 0.0))
