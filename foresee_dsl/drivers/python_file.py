@@ -1,7 +1,7 @@
 """The driver `python`: a class in a Python file, `--driver python:my_driver.py:MyDriver`, without a package of its own.
 
 The file is read anew for each run, in foresee's own process. It is a program: a file that names one starts it only with
-the user's consent (`drivers.consent`).
+the user's consent (`drivers.consent`). Drivers of plug-ins that are code in a file load it with `module_of_file` too.
 
 Modules beside the file that it imports are part of the driver: its version covers them. Two drivers may have modules of
 one name (`params`), so each driver's own are those that can be imported from when it is loaded until another driver is.
@@ -48,11 +48,9 @@ class PythonFileDriver:
         file = Path(path)
         if file.suffix != ".py" or not name.isidentifier():
             raise DriverError(f"python:{argument} names no class of a file; {USAGE}")
-        sources = _sources(file)
-        version = short_hash(*(sources[source] for source in sorted(sources)))
         try:
-            _use(file, version, sources)
-            driver_type = getattr(_module(file), name, None)
+            module, version = module_of_file(file, USAGE)
+            driver_type = getattr(module, name, None)
             if not callable(driver_type):
                 raise DriverError(f"{path} has no class {name}; {USAGE}")
             if needed := _needed_by(driver_type):
@@ -71,6 +69,25 @@ class PythonFileDriver:
         driver.version = f"{getattr(driver, 'version', '1')} {version}"
         checked: Driver = driver
         return checked
+
+
+def module_of_file(file: Path, usage: str) -> tuple[ModuleType, str]:
+    """Execute a driver's file anew, which can import the modules beside it.
+
+    Args:
+        usage: what to write instead, for the error of a file that cannot be read.
+
+    Returns:
+        The module, and a hash of the file and of the modules beside it that it imports.
+
+    Raises:
+        DriverError: the file cannot be read, or another module has the name of one beside it.
+        Exception: the file raises it.
+    """
+    sources = _sources(file, usage)
+    version = short_hash(*(sources[source] for source in sorted(sources)))
+    _use(file, version, sources)
+    return _module(file, usage), version
 
 
 def _needed_by(driver_type: Callable[..., object]) -> str:
@@ -164,14 +181,14 @@ def _use(file: Path, version: str, sources: Mapping[Path, bytes]) -> None:
     own.put_back()
 
 
-def _module(file: Path) -> ModuleType:
+def _module(file: Path, usage: str) -> ModuleType:
     """Execute a file and return it as a module; modules beside it can be imported, as by a program."""
     folder = str(file.resolve().parent)
     if folder not in sys.path:  # for modules whose names the file computes
         sys.path.append(folder)  # at the end, so that a file beside the driver replaces no module of foresee
     spec = importlib.util.spec_from_file_location(f"foresee_driver_{file.stem}", file.resolve())
     if spec is None or spec.loader is None:
-        raise DriverError(f"{file} is not a Python file; {USAGE}")
+        raise DriverError(f"{file} is not a Python file; {usage}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up while the file is executed
     writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a stored one hides edits of the same second
@@ -182,12 +199,12 @@ def _module(file: Path) -> ModuleType:
     return module
 
 
-def _sources(file: Path) -> dict[Path, bytes]:
+def _sources(file: Path, usage: str) -> dict[Path, bytes]:
     """Return the contents of a file and of the modules beside it that it imports, also by way of each other."""
     try:
         sources = {file.resolve(): read_outside(file)}
     except OSError as err:
-        raise DriverError(f"the driver {file} cannot be read: {err.strerror or err}; {USAGE}") from None
+        raise DriverError(f"the driver {file} cannot be read: {err.strerror or err}; {usage}") from None
     waiting = [file := file.resolve()]
     while waiting:
         for module in _imports(sources[waiting.pop()]):

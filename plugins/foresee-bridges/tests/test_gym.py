@@ -211,6 +211,7 @@ def test_what_is_no_policy_is_refused_with_a_reason(tmp_path: Path) -> None:
     small = network(tmp_path / "small.onnx", 12)
     for argument, message in (
         (tmp_path / "gone.onnx", "No such file"),
+        (f"{tmp_path / 'gone.py'}:act", "gone.py cannot be read: No such file or directory; write gym:POLICY.onnx"),
         (tmp_path / "text.onnx", "not a network that onnxruntime can read"),
         (small, "the first with 12 numbers"),
         (tmp_path / "text.zip", "Stable-Baselines3"),
@@ -222,6 +223,22 @@ def test_what_is_no_policy_is_refused_with_a_reason(tmp_path: Path) -> None:
             PolicyDriver.from_argument(str(argument))
     with pytest.raises(InputError):
         gym.make(str(tmp_path / "nowhere.foresee"))
+
+
+def test_policies_import_the_files_beside_them_each_its_own(tmp_path: Path) -> None:
+    """As drivers `python:` do (tests/drivers/test_python_file.py)."""
+
+    def policy(folder: str, throttle: float) -> PolicyDriver:
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / "policy_params.py").write_text(f"THROTTLE = {throttle}")
+        file = tmp_path / folder / "mine.py"
+        file.write_text("import policy_params\ndef act(seen): return [0.0, policy_params.THROTTLE]")
+        return PolicyDriver.from_argument(f"{file}:act")
+
+    drivers = [policy("a", 0.1), policy("b", 0.2), policy("a", 0.1), policy("a", 0.3)]
+    assert [driver._policy(np.zeros(ObjectList.SIZE, np.float32))[1] for driver in drivers] == [0.1, 0.2, 0.1, 0.3]
+    versions = [driver.version for driver in drivers]
+    assert versions[0] == versions[2] and len({*versions}) == 3
 
 
 def test_a_policy_that_a_file_names_is_not_started_unasked(policy: str) -> None:

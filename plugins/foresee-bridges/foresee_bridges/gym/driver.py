@@ -6,10 +6,9 @@ with the user's consent, like any driver with a colon in its address.
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from foresee_bridges.gym.observations import ObjectList, control_of
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.python_file import module_of_file
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.files import read_outside, short_hash
 
@@ -45,7 +45,8 @@ class PolicyDriver:
         file = Path(argument)
         readers = {".onnx": _onnx, ".zip": _stable_baselines}
         if file.suffix not in readers:
-            return cls(_function(argument), f"gym:{argument}", "function")
+            policy, version = _function(argument)
+            return cls(policy, f"gym:{argument}", version)
         try:
             content = read_outside(file)
         except OSError as err:
@@ -129,27 +130,22 @@ def _stable_baselines(file: Path) -> Policy:
     return predict
 
 
-def _function(argument: str) -> Policy:
-    module, _, name = argument.rpartition(":")
-    if not module or not name.isidentifier():
+def _function(argument: str) -> tuple[Policy, str]:
+    """Return a function of an installed module or of a file that ends with `.py`, and its version."""
+    place, _, name = argument.rpartition(":")
+    if not place or not name.isidentifier():
         raise DriverError(f"gym:{argument} names no policy; {USAGE}")
     try:
-        policy = getattr(_module(module), name)
+        if place.endswith(".py"):
+            module, version = module_of_file(Path(place), USAGE)
+        else:
+            module, version = importlib.import_module(place), "function"
+        policy = getattr(module, name)
+    except DriverError:
+        raise
     except Exception as err:  # the module may raise anything
         raise DriverError(f"gym:{argument} cannot be loaded: {type(err).__name__}: {err}; {USAGE}") from err
     if not callable(policy):
         raise DriverError(f"gym:{argument} is not a function; {USAGE}")
     ready: Policy = policy() if isinstance(policy, type) else policy
-    return ready
-
-
-def _module(name: str) -> ModuleType:
-    """Return an installed module by its name, or one in a file that ends with `.py`."""
-    if not name.endswith(".py"):
-        return importlib.import_module(name)
-    spec = importlib.util.spec_from_file_location(Path(name).stem, name)
-    if spec is None or spec.loader is None:
-        raise ImportError(name)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return ready, version
