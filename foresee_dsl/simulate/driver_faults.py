@@ -5,6 +5,7 @@ code.
 from __future__ import annotations
 
 import re
+import sysconfig
 import traceback
 from itertools import dropwhile, takewhile
 from pathlib import Path
@@ -17,7 +18,11 @@ from foresee_dsl.language.printer import quotable
 from foresee_dsl.simulate.results.verdict import Hang
 
 _DRIVERS = PACKAGE / "drivers"
-_LOADING = _DRIVERS / "registry.py"
+_NO_DRIVERS = {_DRIVERS / f"{name}.py" for name in ("registry", "python_file", "following", "stepped", "bundled")}
+"""Modules that load drivers, follow their trajectories, or call the driver that is derived from a class there."""
+_BRIDGES = "foresee_bridges"
+"""The package of ours whose drivers call the code of another person: its lines are not the driver's own."""
+_LIBRARIES = {Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
 LONGEST_REASON = 1000
 """Maximum number of characters of an exception's text in the reason. Ours: half of the limit of a text in a file."""
 LONGEST_TRACEBACK = 8000
@@ -77,13 +82,14 @@ def place_of(err: BaseException) -> str:
     """Return the innermost place in the driver's own code, such as `mine.py:12 (Mine.step)`; "" if the traceback has
     none.
     """
-    frames = _own(err.__traceback__)
+    frames = [entry for entry in _own(err.__traceback__) if not _in_ours(entry) and not _is_generated(entry)]
     if not frames:
         return ""
-    # The driver's own code is the package that the simulator called. A library that the package calls, such as numpy,
-    # is not.
+    # The driver's own code is its file and those beside it. If the driver is installed, it is the package that the
+    # simulator called: a library that the package calls, such as numpy, is not.
     top = _package(frames[0])
-    frame, line = [entry for entry in frames if _package(entry) == top][-1]
+    own = [entry for entry in frames if _is_theirs(_file(entry))]
+    frame, line = (own or [entry for entry in frames if _package(entry) == top])[-1]
     code = frame.f_code
     return f"{Path(code.co_filename).name}:{line} ({code.co_qualname.replace('<locals>.', '')})"
 
@@ -115,7 +121,8 @@ def place_in_dump(dump: str) -> str:
     if not theirs or len(theirs) == len(frames):
         return ""
     outermost = theirs[-1][0]
-    file, line, name = next(frame for frame in theirs if frame[0] == outermost)
+    own = [frame for frame in theirs if _is_theirs(frame[0])]
+    file, line, name = (own or [frame for frame in theirs if frame[0] == outermost])[0]
     return f"{file.name}:{line} ({name})"
 
 
@@ -133,7 +140,17 @@ def _watching(trace: TracebackType | None) -> int:
 
 
 def _in_ours(entry: _Entry) -> bool:
-    return _is_ours(Path(entry[0].f_code.co_filename))
+    file = _file(entry)
+    return _is_ours(file) or str(file).startswith("<frozen ")  # Python's import system
+
+
+def _is_generated(entry: _Entry) -> bool:
+    """Return whether an entry has no line in a file: text that its module executes, or a method of a dataclass."""
+    return str(_file(entry)) == "<string>" and "__file__" in entry[0].f_globals
+
+
+def _file(entry: _Entry) -> Path:
+    return Path(entry[0].f_code.co_filename)
 
 
 def _package(entry: _Entry) -> str:
@@ -142,4 +159,12 @@ def _package(entry: _Entry) -> str:
 
 def _is_ours(file: Path) -> bool:
     """Return whether a file belongs to the simulator; the bundled drivers count as drivers."""
-    return file.is_relative_to(PACKAGE) and (not file.is_relative_to(_DRIVERS) or file == _LOADING)
+    if _BRIDGES in file.parts:
+        return True
+    return file.is_relative_to(PACKAGE) and (not file.is_relative_to(_DRIVERS) or file in _NO_DRIVERS)
+
+
+def _is_theirs(file: Path) -> bool:
+    """Return whether a file is neither the simulator's nor installed, so that it can only be the driver's."""
+    outside = file.is_relative_to(PACKAGE) or _BRIDGES in file.parts or any(map(file.is_relative_to, _LIBRARIES))
+    return not outside and not str(file).startswith("<frozen ")

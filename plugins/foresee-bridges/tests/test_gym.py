@@ -241,6 +241,20 @@ def test_policies_import_the_files_beside_them_each_its_own(tmp_path: Path) -> N
     assert versions[0] == versions[2] and len({*versions}) == 3
 
 
+def test_a_reason_names_the_policys_own_line(tmp_path: Path) -> None:
+    (tmp_path / "failing_policy.py").write_text(
+        "def fails(seen):\n    raise ValueError('no idea')\n\ndef nothing(seen):\n    return None\n"
+    )
+
+    def reason(name: str) -> str:
+        address = f"gym:{tmp_path / 'failing_policy.py'}:{name}"
+        consent.allow(address)
+        return run_test_case(load_test_case(CASE), driver=address, seed=0).reason
+
+    assert reason("fails") == "the driver raised ValueError: no idea, at failing_policy.py:2 (fails)"
+    assert reason("nothing").endswith("each from -1 to 1, not None")
+
+
 def test_a_policy_that_a_file_names_is_not_started_unasked(policy: str) -> None:
     with pytest.raises(DriverError, match="program"):
         load_driver(policy)
