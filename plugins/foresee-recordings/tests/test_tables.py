@@ -201,6 +201,16 @@ def test_an_actor_with_speeds_in_another_unit_is_named(tmp_path: Path) -> None:
     assert "The positions of a2 move with 0.28 times their recorded speeds, which may be in another unit." in notes
 
 
+def test_units_of_a_recording_without_windows_of_a_second(tmp_path: Path) -> None:
+    def short(per_s: float, speed: float) -> str:
+        rows = [f"{k / 10 / per_s},a{n},{k},{5 * n},0,{speed}\n" for n in range(6) for k in range(10)]
+        return "t,id,x,y,heading_rad,speed\n" + "".join(rows)
+
+    with pytest.raises(RecordingError, match=r"move with 60 times the recorded speeds, so .* the times not in seconds"):
+        table(tmp_path, short(60, 10))
+    assert any("0.28 times the recorded speeds" in note for note in table(tmp_path, short(1, 36)).notes)
+
+
 def test_a_vehicle_that_reverses_may_have_negative_speeds(tmp_path: Path) -> None:
     reverses = driven(-10, -10, heading=math.pi)
     assert not any("speeds" in note for note in table(tmp_path, reverses).notes)

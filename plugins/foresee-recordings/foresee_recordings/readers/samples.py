@@ -368,7 +368,11 @@ class Samples:
 
 
 def _speed_ratio(motions: list[FloatArray]) -> float | None:
-    """Return the median speed of the positions in relation to the recorded speeds; None for too few steps."""
+    """Return the median speed of the positions in relation to the recorded speeds; None for too few steps.
+
+    Steps and not windows of a second as in `_signed_ratio`: with times in minutes, or in an excerpt of a second, no
+    actor has a window.
+    """
     ratios: list[FloatArray] = []
     for rows in motions:
         steps = np.diff(rows[:, :3], axis=0)
