@@ -187,7 +187,7 @@ def _run_dict(case_run: CaseRun, trace: Path | None) -> dict[str, object]:
         "infractions": result.infractions if result else (),
         "unfired": result.unfired if result else (),
         "tracking": result.tracking if result else None,
-        **vars(case_run.notes),
+        **case_run.notes.as_document(),
         "trace": trace,
         "digest": result.trace.digest if result else "",
     }

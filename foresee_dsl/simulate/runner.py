@@ -30,7 +30,7 @@ from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.rest_of_run import RestOfRun
 from foresee_dsl.simulate.results.infraction import Infraction
 from foresee_dsl.simulate.results.outcome import RunEnd
-from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.trace import STEP_S, WAYPOINT_M, Trace
 from foresee_dsl.simulate.triggers.condition_history import Expectations
@@ -38,7 +38,7 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
 from foresee_dsl.simulate.world import World
 
-CLOSE_FAILED = "the driver could not be closed after the run (the result of the run stands)"
+_CLOSE_FAILED = "the driver could not be closed after the run (the result of the run stands)"
 """The beginning of a run's traceback if the driver's `close` raised an exception or hung."""
 
 
@@ -91,29 +91,29 @@ def run(
                 prepared.idealise(ideal, futures)
             result = prepared.go()
         finally:
-            fault = _closed(driver, watch)
+            closing = _closed(driver, watch)
     count_run(result.duration_s)
     printed = files.text() if files is not None else ""
-    if not fault and not printed:
+    if not closing.not_closed and not printed:
         return result
-    trace = result.notes.traceback or fault
-    return replace(result, notes=replace(result.notes, output=printed, traceback=trace))
+    trace = result.notes.traceback or closing.traceback
+    notes = replace(result.notes, output=printed, traceback=trace, not_closed=closing.not_closed)
+    return replace(result, notes=notes)
 
 
-def _closed(driver: Driver, watch: DriverWatch) -> str:
-    """Close a driver that has a method `close`; return its exception, which does not change the verdict, in words and
-    with its traceback.
-    """
+def _closed(driver: Driver, watch: DriverWatch) -> DriverNotes:
+    """Close a driver that has a method `close`; return notes on its exception, which does not change the verdict."""
     if not isinstance(driver, Closing):
-        return ""
+        return NO_NOTES
     try:
         with watch.call("close"):
             driver.close()
     except (Exception, SystemExit, DriverHangs) as err:
         fault = fault_of(err)
         text = str(err) if isinstance(err, DriverHangs) else fault.text
-        return f"{CLOSE_FAILED}: {text}\n{fault.traceback}".rstrip()
-    return ""
+        why = f"{_CLOSE_FAILED}: {text}"
+        return DriverNotes(traceback=f"{why}\n{fault.traceback}".rstrip(), not_closed=why)
+    return NO_NOTES
 
 
 class Run:

@@ -27,7 +27,6 @@ from foresee_dsl.errors import DriverError
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Doc
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.simulate.runner import CLOSE_FAILED
 from foresee_dsl.simulate.trace import STEP_S
 
 CASES = Path(__file__).parent / "cases"
@@ -337,9 +336,8 @@ def check_reset(runs: OneProcess) -> Check:
 def check_process(runs: Iterable[ObservedRun]) -> Check:
     """Check that the driver leaves its process as it was, and can be closed."""
     runs = list(runs)
-    closing = next((run.notes.traceback for run in runs if run.notes.traceback.startswith(CLOSE_FAILED)), "")
-    if closing:
-        return _failed("process", closing.splitlines()[0], "release the driver's resources in `close`, without waiting")
+    if why := next((run.notes.not_closed for run in runs if run.notes.not_closed), ""):
+        return _failed("process", why, "release the driver's resources in `close`, without waiting")
     changes = sorted({change for run in runs for change in run.notes.changed if change != REMEMBERS})
     if not changes:
         return _passed("process", "no environment, folder, function or process is left changed")

@@ -261,12 +261,19 @@ class DriverNotes:
         output: the driver's output, if its process keeps it (`simulate.printed`).
         traceback: frames of the driver's own code at its exception. hang: the call during which it was ended.
         changed: changes that the driver made to its process, as phrases that follow "the driver"; they were undone.
+        not_closed: the exception of the driver's `close`, as a sentence; "" without one. Documents have it in the
+            traceback, which begins with it unless the driver broke before.
     """
 
     output: str = ""
     traceback: str = ""
     hang: Hang | None = None
     changed: tuple[str, ...] = ()
+    not_closed: str = ""
+
+    def as_document(self) -> dict[str, object]:
+        """Return its JSON document."""
+        return {"output": self.output, "traceback": self.traceback, "hang": self.hang, "changed": self.changed}
 
 
 NO_NOTES = DriverNotes()
