@@ -23,7 +23,7 @@ from foresee_dsl.compile.roads.polyline import distinct
 from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement
 from foresee_dsl.errors import DriverError
 from foresee_dsl.files import read_outside_text
-from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray, read_only
 
 MITRE_MOST = 2.0
 """Largest factor by which a border's point is moved outwards at a corner of the centreline, so that the border stays at
@@ -130,13 +130,6 @@ class RoadMap:
                 ["--sumo-net-file", str(self.net_file.resolve()), "--opendrive-output", "map.xodr"], Path(folder)
             )
             return read_outside_text(Path(folder) / "map.xodr")
-
-
-def read_only(array: FloatArray) -> FloatArray:
-    """Return a view of an array that cannot be written to: what a driver gets once is shared with later runs."""
-    view = array.view()
-    view.setflags(write=False)
-    return view
 
 
 def build_road_map(network: RoadNetwork, route: Sequence[str], net_file: Path) -> RoadMap:

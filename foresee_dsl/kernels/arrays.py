@@ -1,4 +1,4 @@
-"""Names of numpy array types for signatures, by the type of the elements."""
+"""Names of numpy array types for signatures, by the type of the elements; and arrays that cannot be written to."""
 
 from __future__ import annotations
 
@@ -15,3 +15,10 @@ Records = NDArray[np.void]
 """An array of a record type of `records`."""
 Record = Any
 """One element of an array of records."""
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """Return a view of an array that cannot be written to: it is shared with later users, such as a driver's runs."""
+    view = array.view()
+    view.setflags(write=False)
+    return view

@@ -13,8 +13,9 @@ from foresee_dsl.compile.roads.conflicts import Conflict, conflicts_of
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
-from foresee_dsl.drivers.road_map import build_road_map, lanes_along, read_only
+from foresee_dsl.drivers.road_map import build_road_map, lanes_along
 from foresee_dsl.errors import SimulationError
+from foresee_dsl.kernels.arrays import read_only
 from foresee_dsl.simulate.trace import STEP_S
 
 STOP_BEFORE_M = 1.0

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray, read_only
 
 RESAMPLES = 10_000
 """Number of resamples. Ours: with it the ends of an interval vary by less than 1 % between seeds."""
@@ -78,9 +78,7 @@ def resamples(count: int, size: int = RESAMPLES) -> FloatArray:
 
 def _drawn(rng: np.random.Generator, count: int, size: int) -> FloatArray:
     """Return how often each of `count` equally likely things is drawn in `count` draws, [size, count]; read-only."""
-    times = rng.multinomial(count, np.full(count, 1 / count), size=size).astype(float)
-    times.flags.writeable = False
-    return times
+    return read_only(rng.multinomial(count, np.full(count, 1 / count), size=size).astype(float))
 
 
 def drawn_repetitions(repetitions: Sequence[Repetition], size: int) -> dict[Repetition, FloatArray]:
