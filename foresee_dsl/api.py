@@ -23,9 +23,8 @@ from foresee_dsl.campaign.workers import CPUS
 from foresee_dsl.campaign.workers.pool import RunOptions
 from foresee_dsl.derive.clipping.clip import DRIVES_S
 from foresee_dsl.drivers.consent import allowing
-from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.drivers.protocol import Driver, checked_driver
 from foresee_dsl.drivers.registry import handover_of, load_driver, reference_drivers
-from foresee_dsl.errors import DriverError
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.notebooks import show_as
@@ -80,12 +79,7 @@ def run(case: str | Path | TestCase, driver: str | Driver | type = "pdm", *, see
     if isinstance(driver, str):
         with allowing([driver]):
             return run_test_case(test_case, driver, seed)
-    loaded = driver() if isinstance(driver, type) else driver
-    if missing := [name for name in ("name", "version", "reset", "step") if not hasattr(loaded, name)]:
-        raise DriverError(
-            f"{driver!r} is not a driver: it has no {' and no '.join(missing)}; a driver has the texts `name` and "
-            "`version`, and the methods `reset(mission, vehicle, seed)` and `step(observation)`"
-        )
+    loaded = checked_driver(driver() if isinstance(driver, type) else driver, repr(driver))
     return DriverSetup(loaded.name, seed).run(test_case, lambda: loaded)
 
 

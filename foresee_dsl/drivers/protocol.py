@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model_classes import ModelClass
 
 if TYPE_CHECKING:  # only a driver that reads the road map needs its module
@@ -249,6 +250,27 @@ class Driver(Protocol):
     def step(self, observation: Observation) -> Control | Trajectory:
         """Answer one observation; called 20 times per simulated second."""
         ...
+
+
+def checked_driver(candidate: object, what: str, *, named: bool = True) -> Driver:
+    """Return an object that is a driver.
+
+    Args:
+        what: the object in the words of the error. named: False if it gets its name and version later.
+
+    Raises:
+        DriverError: it lacks a method, or a text.
+    """
+    texts = ("name", "version") if named else ()
+    missing = [f"text {text}" for text in texts if not isinstance(getattr(candidate, text, None), str)]
+    missing += [f"method {call}" for call in ("reset", "step") if not callable(getattr(candidate, call, None))]
+    if missing:
+        raise DriverError(
+            f"{what} is not a driver: it has no {' and no '.join(missing)}; a driver has "
+            f"{'the texts `name` and `version`, and ' if named else ''}the methods `reset(mission, vehicle, seed)` and "
+            "`step(observation)`"
+        )
+    return cast(Driver, candidate)
 
 
 @dataclass(frozen=True, slots=True)

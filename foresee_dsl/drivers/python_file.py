@@ -22,7 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.drivers.protocol import Driver, checked_driver
 from foresee_dsl.errors import DriverError
 from foresee_dsl.files import read_outside, short_hash
 
@@ -60,14 +60,9 @@ class PythonFileDriver:
             raise
         except Exception as err:  # the file may raise anything
             raise DriverError(f"python:{argument} cannot be created: {type(err).__name__}: {err}") from err
-        if missing := [method for method in ("reset", "step") if not callable(getattr(driver, method, None))]:
-            raise DriverError(
-                f"{name} of {path} is not a driver: it has no method {' and no method '.join(missing)}; a driver has "
-                "reset(mission, vehicle, seed) and step(observation)"
-            )
+        checked = checked_driver(driver, f"{name} of {path}", named=False)
         driver.name = str(getattr(driver, "name", name))
         driver.version = f"{getattr(driver, 'version', '1')} {version}"
-        checked: Driver = driver
         return checked
 
 

@@ -19,7 +19,7 @@ from urllib.parse import unquote
 
 from foresee_dsl.drivers.consent import ask
 from foresee_dsl.drivers.parts import IDEAL, DriverPart, ideal_parts, parts_of, with_ideal, without_ideal
-from foresee_dsl.drivers.protocol import Driver, WatchesFirst
+from foresee_dsl.drivers.protocol import Driver, WatchesFirst, checked_driver
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
 
@@ -143,12 +143,8 @@ def load_driver(address: str) -> Driver:
         from_text = getattr(factory, "from_argument", None)
         if colon and from_text is None:
             raise DriverError(f"driver {name!r} takes no argument; write {name!r} instead of {address!r}")
-        driver = factory() if from_text is None else from_text(argument)
-    if not isinstance(driver, Driver) or not all(isinstance(v, str) for v in (driver.name, driver.version)):
-        raise DriverError(
-            f"driver {name!r} of package {package_of(entry)} is not a driver: {entry.value} needs the texts `name` and "
-            "`version`, and the methods `reset(mission, vehicle, seed)` and `step(observation)`"
-        )
+        candidate = factory() if from_text is None else from_text(argument)
+    driver = checked_driver(candidate, f"driver {name!r} of package {package_of(entry)} ({entry.value})")
     if missing := ideal_parts(address) - frozenset(parts_of(driver)):
         raise DriverError(
             f"driver {name!r} does not declare its {', '.join(sorted(missing))}, so it cannot be driven as "

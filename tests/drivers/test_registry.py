@@ -144,7 +144,7 @@ def test_another_package_brings_a_driver() -> None:
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("headless", "is not a driver"),
+        ("headless", "is not a driver: it has no method reset and no method step; a driver has"),
         ("explodes", "RuntimeError: no licence"),
         ("missing", "ModuleNotFoundError"),
     ],
