@@ -29,6 +29,8 @@ LONGEST_TRACEBACK = 8000
 """Maximum number of characters of a traceback. Ours: a hundred lines."""
 _Entry = tuple[FrameType, int]
 """An entry of a traceback: its frame, and the line."""
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+"""An object's place in memory in its text, which is another in each run."""
 _DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.M)
 
 
@@ -70,12 +72,14 @@ def fault_of(err: BaseException) -> DriverFault:
 
 
 def one_line(err: BaseException) -> str:
-    """Return an exception's text as one line without double quotes, which can be quoted in a file of the language."""
+    """Return an exception's text as one line without double quotes, which can be quoted in a file of the language; and
+    without places in memory, so that the same run has the same reason.
+    """
     try:
         text = str(err)
     except Exception:  # its own __str__ may raise as well
         text = "(its text cannot be read)"
-    return quotable(text, LONGEST_REASON)
+    return quotable(_ADDRESS.sub("", text), LONGEST_REASON)
 
 
 def place_of(err: BaseException) -> str:

@@ -108,3 +108,10 @@ def test_neither_has_a_file_that_cannot_be_executed(town: Town, tmp_path: Path) 
     assert reason == "the driver raised SyntaxError: invalid syntax (mine.py, line 1)"
     assert broken(town, tmp_path, before="import no_such_module\n").reason.endswith(", at mine.py:1 (<module>)")
     assert broken(town, tmp_path, name="Frozen").reason.endswith("cannot assign to field 'name'")
+
+
+def test_a_reason_has_no_place_in_memory(town: Town, tmp_path: Path) -> None:
+    assert "answered <object object>; it must" in broken(town, tmp_path, "object()").reason
+    assert broken(town, tmp_path, "1 / 0 if exec('raise ValueError(object())') else 0").reason.startswith(
+        "the driver raised ValueError: <object object>, at mine.py"
+    )
