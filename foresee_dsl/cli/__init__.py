@@ -168,8 +168,8 @@ app = typer.Typer(
     help="Write traffic situations as text, drive your software through them, "
     "and find the failures behind the near misses.",
     epilog="A test case is addressed like a pytest node: [cyan]scenarios/scenario7.foresee::r03[/cyan]. "
-    "Exit codes: 0 nothing failed, 1 failures were found or the input has errors, 2 wrong usage, 3 a "
-    "fault of foresee itself.",
+    "Exit codes: 0 nothing failed, 1 failures were found or the input has errors, 2 wrong usage, 3 an "
+    "internal error of foresee.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,

@@ -225,7 +225,7 @@ def sure(
     ],
     campaign: CampaignOption = Path("out"),
     driver: OtherDriverOption = "",
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed, instead of the recorded one.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed to use instead of the recorded one.")] = None,
     jobs: Annotated[int, jobs_option("Number of processes.")] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the failing region as a scenario that draws cases in it.")

@@ -69,7 +69,9 @@ def report(
 def view(
     address: Annotated[
         str,
-        typer.Argument(metavar="FILE[::CASE]|FINDING", help="A test case, clip, mutant or trace; or a finding's name."),
+        typer.Argument(
+            metavar="FILE[::CASE]|FINDING", help="A test case, clip, mutant, trace, or a finding's number or name."
+        ),
     ],
     driver: Annotated[
         str, typer.Option("--driver", help="The driver that runs it; by default the one that the file records, or pdm.")

@@ -21,12 +21,12 @@ def store(
     action: Annotated[
         str,
         typer.Argument(
-            metavar="ACTION", help="What to do: stat, gc (delete results that no longer count), export or merge."
+            metavar="ACTION", help="What to do: stat, gc (delete traces that no result uses), export or merge."
         ),
     ],
     folders: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[STORE]...", help="Folder of the store; for merge, the folders of several stores."),
+        typer.Argument(metavar="[STORE]...", help="Folder of the store, by default out/store; for merge, several."),
     ] = None,
     to: Annotated[Path | None, typer.Option("--to", help="With export: the file to write, .parquet or .csv.")] = None,
     into: Annotated[

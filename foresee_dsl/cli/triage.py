@@ -29,16 +29,19 @@ def triage(
         Word | None,
         typer.Argument(
             metavar="[known|not-ours|accepted|open]",
-            help="known: it is being worked on; not-ours: another part is at fault; accepted: it stays; open: none.",
+            help="known: it is being worked on; not-ours: another part is at fault; accepted: it stays; open: no "
+            "decision.",
         ),
     ] = None,
-    note: Annotated[str, typer.Option("--note", metavar="TEXT", help="Why, in words; an entry needs it.")] = "",
+    note: Annotated[
+        str, typer.Option("--note", metavar="TEXT", help="The reason, in words; every decision but open needs it.")
+    ] = "",
     campaign: CampaignOption = Path("out"),
     json: JsonOption = False,
 ) -> None:
     """Write what was decided about a finding into triage.toml, the reviewed file of the project.
 
-    All campaigns of the project and the driver find it again by its story: reports say it and only count the finding.
+    Later campaigns of the project with this driver recognise the finding by its story; reports only count it.
 
     [dim]foresee triage 3 known --note "brakes late behind buses, issue 12"
     foresee triage 3 open
@@ -111,7 +114,7 @@ def history(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """List the campaigns that a folder has seen: their findings by judgement, and what was new and gone in each.
+    """List the campaigns that ended in a folder: their findings by judgement, and what was new and gone in each.
 
     [dim]foresee history
     foresee history out --html out/history.html[/dim]

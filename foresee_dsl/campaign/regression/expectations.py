@@ -39,7 +39,7 @@ class Status(StrEnum):
     TIMED_OUT = "timed_out", "bold yellow", "it did not arrive in time, or the driver took too long"
     CAME_BACK = "came_back", "bold red", "it is expected to pass, and fails"
     CHANGED = "changed", "yellow", "it fails in another way, or with another actor"
-    STALE = ("stale", "magenta", "its parent's edit reaches it or cannot be traced, or its files have mistakes")
+    STALE = ("stale", "magenta", "its parent's edit reaches it or cannot be traced, or its files have errors")
     NEW = "new", "cyan", "the file records no result of this driver"
     FIXED = "fixed", "green", "it is expected to fail, and passes"
     AS_EXPECTED = "as_expected", "dim", "it ends as recorded"

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from foresee_dsl.language.document import TestCase
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
-"""Exit codes: nothing failed; failures were found or the input has errors; wrong usage; a fault of foresee itself."""
+"""Exit codes: nothing failed; failures were found or the input has errors; wrong usage; an internal error."""
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 """Click's settings of every command."""
 

@@ -89,11 +89,11 @@ def init(
 
     Nothing is overwritten: if one of the files exists already, no file is written.
 
+    `foresee init network SKETCH` makes a network from lines such as `a 0 0`, `b 200 0 signals`, `a-b lanes 2 speed 50`.
+
     [dim]foresee init crossroads
     cd crossroads && foresee campaign campaign.foresee
     foresee init my_project --driver external-cpp[/dim]
-
-    `foresee init network SKETCH` makes a network from lines such as `a 0 0`, `b 200 0 signals`, `a-b lanes 2 speed 50`.
     """  # fmt: skip
     if kinds:
         _list_kinds()

@@ -149,7 +149,9 @@ def picture(views: Views | None, width: int, height: int, fov_deg: float, yaw_de
         DriverUnavailableError: no installed package draws the view ahead.
     """
     if views is None:
-        raise DriverUnavailableError("cameras need the pictures of foresee-learned: pip install 'foresee-dsl[learned]'")
+        raise DriverUnavailableError(
+            "cameras need the pictures of foresee-learned: pip install ./plugins/foresee-learned in a checkout"
+        )
     channels = views.forward()[: len(COLOURS_BGR)]
     colours = np.array((*COLOURS_BGR, SKY_BGR), dtype=np.uint8)
     classes = np.where(channels.any(axis=0), channels.argmax(axis=0), len(COLOURS_BGR))

@@ -150,7 +150,9 @@ class ForeseeEnv(gymnasium.Env[Array, Array]):
         if self._view == "objects":
             return self._objects.vector(observation, self._place_s)
         if observation.views is None:
-            raise ForeseeError("this picture needs a package that draws it: pip install 'foresee-dsl[learned]'")
+            raise ForeseeError(
+                "this picture needs foresee-learned: pip install ./plugins/foresee-learned in a checkout"
+            )
         return observation.views.draw(self._view)
 
 

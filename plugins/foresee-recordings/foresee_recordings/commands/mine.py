@@ -66,7 +66,13 @@ def mine(
         typer.Option("--number", metavar="NAME=NUMBER", help="A setting of the format, such as recording=3."),
     ] = None,
     ego: Annotated[
-        str, typer.Option("--ego", metavar="ID", help="Only situations of this ego; with --write also its seconds.")
+        str,
+        typer.Option(
+            "--ego",
+            metavar="ID",
+            help="Only situations of this ego; with --write, and without --find and --situation: one test case of all "
+            "its seconds.",
+        ),
     ] = "",
     within: Annotated[
         float, typer.Option("--within", min=1, max=1000, help="Actors farther from the ego, m, are not compared.")
@@ -106,11 +112,11 @@ def mine(
 ) -> None:
     """Find situations in recorded traffic by conditions or names, and write them as test cases.
 
+    Exit code 1 if none of the situations could be written as a test case.
+
     [dim]foresee mine recording.xml --top 10
     foresee mine recording.xml --find 'ttc(ego, other) < 1.5 s and other ahead of ego'
     foresee mine recording.xml --situation cut_in --write mined[/dim]
-
-    Exit code 1 if none of the situations could be written as a test case.
     """
     del listed
     from foresee_recordings.listing import print_cases, print_recording, print_situations
