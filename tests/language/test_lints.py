@@ -10,7 +10,7 @@ from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.logic import weaker
 from foresee_dsl.language.model import Expect, Scenario
-from foresee_dsl.language.parser import parse
+from foresee_dsl.language.parser import format_text, parse
 from tests.support.code_frames import FRAMES, example
 from tests.support.examples_at_work import found_in
 
@@ -396,6 +396,26 @@ def test_a_comment_allows_a_lint_on_its_statement(codes):
 def test_a_comment_reaches_no_further(codes):
     lines = DEAD.replace("@", "  # foresee: allow FS303") + DEAD.replace("@", "")
     assert codes(lines) == [("FS303", "when time > 99 s {")]
+
+
+ALLOW = "# foresee: allow FS303"
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        f"  when time > 99 s {{ runner stops {ALLOW}\n  }}",
+        f"  when time > 99 s {{ runner stops; runner starts {ALLOW}\n  }}",
+        f"  when time > 9 s {{ runner stops }}; when time > 99 s {{ runner stops }} {ALLOW}",
+        f"  {ALLOW}\n  when time > 9 s {{ runner stops }}; when time > 99 s {{ runner stops }}",
+        f"  tags [one,\n    two]; when time > 99 s {{ runner stops {ALLOW}\n  }}",
+    ],
+)
+def test_a_formatted_file_allows_what_the_source_allowed(codes, lines: str):
+    text = f"{HEAD}{lines}\n}}\n"
+    written = format_text(text, "main.foresee").removeprefix(format_text(f"{HEAD}}}\n", "main.foresee")[:-2])
+    assert "FS303" not in [code for code, _ in codes(lines)]
+    assert "FS303" not in [code for code, _ in codes(written.removesuffix("}\n"))]
 
 
 def test_a_comment_before_the_definition_is_for_the_file(codes):
