@@ -374,6 +374,28 @@ def test_a_change_without_effect(change: str, marked: str, tmp_path: Path, monke
     )
 
 
+@pytest.mark.parametrize(
+    ("end", "window", "help"),
+    [
+        ("  end after 9 s\n", "8.00 s..9.00 s", None),
+        ("  end after 9 s\n", "8.00 s..9.05 s", "let it end then: `window 8.00 s..9 s`"),
+        ("  end after 9 s\n", "9.00 s..19.00 s", "write times of the parent's run"),
+        ("", "8.00 s..60.00 s", None),
+        ("", "8.00 s..60.00 s  # foresee: allow FS319", ("FS312", 4)),
+        ("", "8.00 s..60.05 s  # foresee: allow FS319", None),
+    ],
+)
+def test_a_window_beyond_the_end_of_the_parent(
+    end: str, window: str, help: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = every_code()["FS319"]
+    text = code.right.replace("54.00 s..60.00 s", window)
+    parent = f"--- parent.foresee\n{HEAD}{end}}}\n"
+    found = found_in(code, f"{text}{parent}", tmp_path / "example", monkeypatch)
+    described = [str(d.help) if d.code == "FS319" else (d.code, d.start[0]) for d in found]
+    assert described == ([] if help is None else [help])
+
+
 def test_an_expectation_of_somebody_else_is_none_of_the_ego(codes):
     head = HEAD.replace("expect never collision(ego)", "expect never collision(runner)")
     assert codes("", head) == [("FS310", "scenario example {")]
