@@ -17,7 +17,7 @@ from foresee_dsl.drivers.registry import DRIVERS, name_in
 from foresee_dsl.errors import Diagnostic, InputError, with_article
 from foresee_dsl.files import absolute
 from foresee_dsl.forecast.registry import RANKERS
-from foresee_dsl.helps import HelpText, write
+from foresee_dsl.helps import HelpText
 from foresee_dsl.language import model as m
 from foresee_dsl.language.campaign_values import RulesMode
 from foresee_dsl.language.document import Document
@@ -159,8 +159,13 @@ def _mistakes_of_references(document: Document, campaign: m.Campaign) -> Iterato
     drivers = {name for item in campaign.all(m.Drivers) for name in item.names}
     for item in campaign.all(m.Against):
         if len(drivers) == 1 and set(item.names) == drivers:
-            message = f"{item.names[0]} is the driver under test, which cannot be its own reference"
-            yield document.diagnostic(item, "names.0", "FS058", message, "name another, or " + write(NOBODY))
+            yield document.diagnostic(item, "names.0", "FS058", *own_reference(item.names[0]))
+
+
+def own_reference(driver: str) -> tuple[str, str]:
+    """Return the message about a driver that is its own and only reference driver, and what to do."""
+    message = f"{driver} is the driver under test, which cannot be its own reference"
+    return message, f"name another, or `{NOBODY}`"
 
 
 def _wrong_seeds(item: m.Seeds, folder: Path, *, allow_outside: bool) -> tuple[str, HelpText] | None:

@@ -102,7 +102,8 @@ class CaseRunOutcome(JudgedRun):
     """The run of one test case without mutation. `judgements` and `story` exist for failures, `notes` if there are
     any.
 
-    `trace`: its file in the campaign's folder, or "".
+    `trace`: its file in the campaign's folder, or "". `risky_points`: number that the ranker found; the clips are cut
+    around the first of them.
     """
 
     id: str

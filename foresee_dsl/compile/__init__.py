@@ -109,7 +109,7 @@ class _Mistakes:
 def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     """Return the lints that need the network, each once, without those that comments in the file allow.
 
-    Only cases with a condition on a place or a junction, a slippery patch or a path are checked; clips and mutants are
+    Only cases with something at a place or a junction, a slippery patch or a path are checked; clips and mutants are
     not.
     """
     from foresee_dsl import disk_cache
@@ -117,14 +117,16 @@ def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     from foresee_dsl.language import model as m
     from foresee_dsl.language.traversal import walk
 
+    at_a_place = (m.Within, m.Slippery, m.Ignores, m.Meets)
+    of_a_way = (m.Path, m.PathAlong, m.IgnoresRule, m.MeetsState)
     listed: dict[Diagnostic, None] = {}
     for case in cases:
         statements = (item for item in case.scenario.body if isinstance(item, m.When | m.Expect | m.Slippery))
-        on_the_ground = (isinstance(part, m.Within | m.Slippery) for item in statements for part in walk(item))
-        paths = (item for actor in case.scenario.actors for item in actor.body if isinstance(item, m.AnyPath))
-        if case.snapshot or not (any(on_the_ground) or any(True for _ in paths)):
+        on_the_ground = (isinstance(part, at_a_place) for item in statements for part in walk(item))
+        ways = (isinstance(item, of_a_way) for actor in case.scenario.actors for item in actor.body)
+        if case.snapshot or not (any(on_the_ground) or any(ways)):
             continue
-        clear = disk_cache.entry("reach", (case.meaning, tool_version()))
+        clear = disk_cache.entry("ways", (case.meaning, tool_version()))
         if disk_cache.load(clear):
             continue
         from foresee_dsl.compile.compiler import warnings_of

@@ -12,7 +12,8 @@ from typing import TypeVar
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Signal, SlipperyPatch, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
-from foresee_dsl.compile.nets.misfits import MisfitError, located
+from foresee_dsl.compile.nets.misfits import MisfitError, located, placed
+from foresee_dsl.compile.nets.netconvert import NetconvertError
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.compile.roads.polyline import XY
@@ -176,6 +177,8 @@ def _net_of(network: Network | Path, document: Document | None) -> Path:
         except MisfitError as err:
             _remember(_REFUSED, id(network), (network, err))
             raise located(err, network, document) from err
+        except NetconvertError as err:
+            raise type(err)(placed(str(err), network, document)) from err
         cached = _remember(_BUILT, id(network), (network, net))
     return cached[1]
 

@@ -3,6 +3,7 @@ compile."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -110,6 +111,7 @@ class TestCase(Displayed):
         tracks: the absolute path of the file with the recorded tracks of its actors; None without one.
         goal: label of the expectation whose violation is a failure of the run (the goal of the campaign that runs it or
             that found the mutant); "" for none. It is not part of the meaning.
+        parent_ends_s: in a clip or a mutant, the time after which the run of the clip's parent ends at the latest, s.
     """
 
     __test__ = False  # pytest would collect this class by its name
@@ -126,6 +128,7 @@ class TestCase(Displayed):
     mutant: m.Mutant | None = field(default=None, repr=False)
     tracks: Path | None = None
     goal: str = ""
+    parent_ends_s: float = field(default=math.inf, repr=False)
 
     @property
     def snapshot(self) -> bool:

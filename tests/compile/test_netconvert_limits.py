@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.compile.compiler import network_of
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.misfits import placed
 from foresee_dsl.compile.nets.netconvert import NetconvertLimitError
+from foresee_dsl.language.model import Network
+from foresee_dsl.language.parser import parse
 from foresee_dsl.limits import LimitError, most
 
 MAP = """<?xml version="1.0"?>
@@ -72,6 +76,41 @@ def test_the_time_is_a_limit_too(bomb: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("FORESEE_LIMITS", "netconvert-time=0.05")
     with pytest.raises(NetconvertLimitError, match=r"within 0.05 s; `foresee --limit netconvert-time=1 "):
         foreign_net(bomb)
+
+
+TOWN = """foresee 1
+
+network town {
+  junction west_end at (0 m, 0 m)
+  junction mid at (100 m, 0 m)
+  road west from west_end to mid
+}
+"""
+
+
+def test_what_netconvert_refuses_is_named_with_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("FORESEE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("FORESEE_LIMITS", "netconvert-time=0.001")
+    document = parse(TOWN, "town.foresee")
+    assert isinstance(document.model, Network)
+    with pytest.raises(NetconvertLimitError, match=r"^'town\.foresee', line 3: network 'town': netconvert did not"):
+        network_of(document.model, document)
+
+
+@pytest.mark.parametrize(
+    ("message", "where"),
+    [
+        ("no connections at node 'mid'.", "'town.foresee', line 5: junction 'mid' of network 'town'"),
+        ("Edge 'west_back' has no length.", "'town.foresee', line 6: road 'west' of network 'town'"),
+        ("Unknown option 'all'.", "'town.foresee', line 3: network 'town'"),
+    ],
+)
+def test_a_message_of_netconvert_is_placed_at_what_it_names(message: str, where: str) -> None:
+    document = parse(TOWN, "town.foresee")
+    assert isinstance(document.model, Network)
+    assert placed(message, document.model, document) == f"{where}: {message}"
+    assert placed(message, document.model, None) == f"{where.partition(': ')[2]}: {message}"
 
 
 def test_a_limit_that_is_none_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

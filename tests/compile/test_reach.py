@@ -58,3 +58,40 @@ def test_a_place_that_an_actor_never_comes_near(scenarios: Path, tmp_path: Path,
     found = placement_lints(checked.cases)
     assert [d.code for d in found] == ["FS330"] * dead
     assert all(d.severity == "warning" and d.span is not None and d.span.line == 16 for d in found)
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("ignores signals at king_oak", "runner never passes king_oak, so this has no effect"),
+        ("ignores priority at mill_oak", ""),
+        ("ignores priority at mill_elm", ""),  # its route ends there
+        ("ignores priority at king_oak  # foresee: allow FS333", ""),
+    ],
+)
+def test_a_rule_at_a_junction_that_an_actor_never_passes(
+    scenarios: Path, tmp_path: Path, lines: str, message: str
+) -> None:
+    assert never_passed(scenarios, tmp_path, statement=lines) == [message] * bool(message)
+    action = f"runner {lines}"
+    assert never_passed(scenarios, tmp_path, action=action) == [message] * bool(message)
+    assert never_passed(scenarios, tmp_path, action=f"runner follows [(0 m, 0 m), (9 m, 9 m)]\n{action}") == []
+
+
+def test_a_meeting_at_a_junction_that_a_walker_never_passes(scenarios: Path, tmp_path: Path) -> None:
+    meets = "walker meets ego at mill_oak after 1 s"
+    message = "walker never passes mill_oak, so this has no effect"
+    assert never_passed(scenarios, tmp_path, action=meets) == [message]
+
+
+def never_passed(scenarios: Path, folder: Path, *, statement: str = "", action: str = "walker starts") -> list[str]:
+    file = folder / "s.foresee"
+    route = "route [mill_west, mill_mid]\n    start at 20 m along runner.route"
+    runner = f"  vehicle runner: car.compact {{\n    {route}\n    {statement}\n  }}\n  when"
+    text = (TEXT % scenarios).replace("CONDITION", "time > 1 s").replace("  when", runner)
+    file.write_text(text.replace("walker starts", action))
+    checked = check_paths([str(file)])
+    assert not checked.diagnostics
+    found = placement_lints(checked.cases)
+    assert {d.code for d in found} <= {"FS333"}
+    return [d.message for d in found]

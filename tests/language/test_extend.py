@@ -233,13 +233,25 @@ def test_what_breaks_in_the_other_is_shown_at_extends_with_its_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (found,) = mistakes(Path(), "drop param pace")
-    assert found.message == "unknown parameter 'pace' (in 'base.foresee', line 12)"
-    assert found.span is not None and (found.span.line, found.span.column) == (3, 22)
     lines = ("drop vehicle lead", "drop expect safe")
     assert [d.message for d in mistakes(Path(), *lines)] == ["unknown actor 'lead' (in 'base.foresee', line 15)"]
     (found,) = mistakes(Path(), "add require gap < 30 m")
     assert found.message == "in case 'far', gap is 60 m, but `require gap < 30 m` (in 'base.foresee', line 19)"
+
+
+def test_a_dropped_parameter_that_is_used_is_reported_at_the_drop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (found,) = mistakes(Path(), "drop param pace")
+    assert found.message == "'pace' is dropped, but still used in line 12 of 'base.foresee'"
+    assert found.span is not None and (found.span.line, found.span.column) == (4, 14)
+    (found, *_) = mistakes(Path(), "drop param pace", "add vehicle x: car.suv { route [main]; speed pace }")
+    assert found.message == "'pace' is dropped, but still used in line 12 of 'base.foresee', line 5"
+    (found,) = mistakes(Path(), "drop param nosuch", "add vehicle x: car.suv { route [main]; speed nosuch }")
+    assert found.message == "'base.foresee' has no param called 'nosuch'"
+    write(Path(), wet=extension("drop param pace", "add param pace: speed = 9 m/s in 5 m/s..20 m/s"))
+    assert load_test_cases(["wet.foresee"])
 
 
 def test_a_mistake_of_the_other_is_said_of_the_other_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.codes import every_code
 from foresee_dsl.language.logic import weaker
 from foresee_dsl.language.model import Expect, Scenario
-from foresee_dsl.language.parser import parse
+from foresee_dsl.language.parser import format_text, parse
 from tests.support.code_frames import FRAMES, example
 from tests.support.examples_at_work import found_in
 
@@ -374,6 +374,28 @@ def test_a_change_without_effect(change: str, marked: str, tmp_path: Path, monke
     )
 
 
+@pytest.mark.parametrize(
+    ("end", "window", "help"),
+    [
+        ("  end after 9 s\n", "8.00 s..9.00 s", None),
+        ("  end after 9 s\n", "8.00 s..9.05 s", "let it end then: `window 8.00 s..9 s`"),
+        ("  end after 9 s\n", "9.00 s..19.00 s", "write times of the parent's run"),
+        ("", "8.00 s..60.00 s", None),
+        ("", "8.00 s..60.00 s  # foresee: allow FS319", ("FS312", 4)),
+        ("", "8.00 s..60.05 s  # foresee: allow FS319", None),
+    ],
+)
+def test_a_window_beyond_the_end_of_the_parent(
+    end: str, window: str, help: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = every_code()["FS319"]
+    text = code.right.replace("54.00 s..60.00 s", window)
+    parent = f"--- parent.foresee\n{HEAD}{end}}}\n"
+    found = found_in(code, f"{text}{parent}", tmp_path / "example", monkeypatch)
+    described = [str(d.help) if d.code == "FS319" else (d.code, d.start[0]) for d in found]
+    assert described == ([] if help is None else [help])
+
+
 def test_an_expectation_of_somebody_else_is_none_of_the_ego(codes):
     head = HEAD.replace("expect never collision(ego)", "expect never collision(runner)")
     assert codes("", head) == [("FS310", "scenario example {")]
@@ -396,6 +418,26 @@ def test_a_comment_allows_a_lint_on_its_statement(codes):
 def test_a_comment_reaches_no_further(codes):
     lines = DEAD.replace("@", "  # foresee: allow FS303") + DEAD.replace("@", "")
     assert codes(lines) == [("FS303", "when time > 99 s {")]
+
+
+ALLOW = "# foresee: allow FS303"
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        f"  when time > 99 s {{ runner stops {ALLOW}\n  }}",
+        f"  when time > 99 s {{ runner stops; runner starts {ALLOW}\n  }}",
+        f"  when time > 9 s {{ runner stops }}; when time > 99 s {{ runner stops }} {ALLOW}",
+        f"  {ALLOW}\n  when time > 9 s {{ runner stops }}; when time > 99 s {{ runner stops }}",
+        f"  tags [one,\n    two]; when time > 99 s {{ runner stops {ALLOW}\n  }}",
+    ],
+)
+def test_a_formatted_file_allows_what_the_source_allowed(codes, lines: str):
+    text = f"{HEAD}{lines}\n}}\n"
+    written = format_text(text, "main.foresee").removeprefix(format_text(f"{HEAD}}}\n", "main.foresee")[:-2])
+    assert "FS303" not in [code for code, _ in codes(lines)]
+    assert "FS303" not in [code for code, _ in codes(written.removesuffix("}\n"))]
 
 
 def test_a_comment_before_the_definition_is_for_the_file(codes):

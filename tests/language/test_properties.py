@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import random
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -17,9 +19,10 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.document import Document
+from foresee_dsl.language.lints.allowances import _allowances
 from foresee_dsl.language.meaning import clip_pin, meaning_hash
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.printer import layout, print_model
 from foresee_dsl.language.traversal import walk
 from tests.support.layouts import moved, odd
 from tests.support.strategies import STATEMENTS, definitions
@@ -75,6 +78,35 @@ def reads_back(model: m.Definition, text: str) -> None:
     assert document.model == model
     assert print_model(document.model, document.comments) == text
     check_document(document)
+
+
+@pytest.mark.parametrize("name", sorted(TEXTS)[::4])
+def test_what_a_comment_allows_is_still_allowed_in_the_formatted_file(name: str):
+    for seed in range(8):
+        strange = odd(TEXTS[name], random.Random(seed))
+        strange = re.sub(r"#\s*c(\d+)", lambda match: f"# foresee: allow FS{int(match[1]):03}", strange)
+        if "foresee: allow" not in strange:
+            continue
+        source = parse(strange, "x")
+        formatted = parse(format_text(strange, "x"), "x")
+        assert allowed(formatted) == allowed(source), strange
+
+
+def allowed(document: Document) -> dict[str, set[int]]:
+    """For each code that a comment allows, the statements that the comment is for, by their number in the file."""
+    spans = [document.spans[(id(item), "")] for item in statements(document.written or document.model)]
+    by_code: dict[str, set[int]] = {}
+    for allowance in _allowances(document.text):
+        reached = {k for k, s in enumerate(spans) if allowance.first <= (s.line, s.column) <= allowance.last}
+        by_code.setdefault(allowance.code, set()).update(reached)
+    return by_code
+
+
+def statements(item: m.Item) -> Iterator[m.Item]:
+    yield item
+    for _, inner in layout(item).inside or ():
+        if isinstance(inner, m.Item):
+            yield from statements(inner)
 
 
 def keeps_comments_and_meaning(strange: str, model: m.Definition) -> Document:

@@ -241,6 +241,7 @@ WHERE = "param where: arm = x in [x, y]"
         (f"{GAP}\nrequire gep < 3 s", "unknown parameter 'gep'"),
         (f"{GAP}\nwhen gap < 3 s {{ ego stops }}", "'gap' does not change during the run"),
         ("param red: arm = x", "'red' is a word of the language"),
+        ("param time: time = 3 s", "'time' is a word of the language"),
         ("param s: side = up", "unknown side 'up'"),
         ("param pace: speed = 1 m/s in [2 m/s, 3 m/s]", "`1 m/s` is not among the options of 'pace'"),
     ],

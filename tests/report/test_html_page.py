@@ -18,16 +18,17 @@ from lxml import html
 
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
+from foresee_dsl.avoidance.responsibility import Responsibility, Whose
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
+from foresee_dsl.campaign.records import ChildOutcome, JudgedRun, WrittenFinding, encode
 from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.campaign.written import campaign_folders
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.report.page.contents import Contents
+from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import FindingEntry
 from foresee_dsl.report.page.html import rendered, write_report
-from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
+from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, as_text, block, code, escaped, write_markdown
 from foresee_dsl.report.page.playback import ego_way, shown_frames
 from foresee_dsl.report.page.running import EVERY_S, RunningPage
 from foresee_dsl.report.page.runs import FailingRun, Reader, RunEntry
@@ -384,6 +385,17 @@ def test_a_running_campaign_has_a_page(browser: Any, tmp_path: Path) -> None:
     one.close()
 
 
+def test_a_running_campaign_lists_runs_that_break_only_an_expectation(tmp_path: Path) -> None:
+    page = RunningPage(tmp_path / "report.html", SETTINGS, clock=lambda: 0.0, now=lambda: "12:34:56")
+    for child in (
+        ChildOutcome("a_m1", verdict=Verdict.PASS, broken_expectations=("does not hold: expect room",)),
+        ChildOutcome("a_m2", verdict=Verdict.PASS),
+    ):
+        page.done(StoredResult("k", "child", child.name, encode(child), verdict="pass", reason="arrived"))
+    (row,) = html.document_fromstring(page.text()).xpath("//table[@class='so-far']/tbody/tr")
+    assert [cell.text_content() for cell in row] == ["a_m1", "does not hold: expect room"]
+
+
 @needs_chromium
 def test_without_scripts_each_finding_has_a_picture(
     browser: Any, page_file: Path, findings: list[dict[str, Any]]
@@ -524,6 +536,16 @@ def test_report_gives_every_form(out: Path, page_file: Path, tmp_path: Path) -> 
     jsonschema.validate(found, json.loads((DOCS / "schemas" / "report-1.json").read_text()))
     text = foresee("report", out, "--format", "text", cwd=tmp_path)
     assert all(one["sentence"] in text for one in found["findings"])
+
+
+def test_the_text_has_a_line_for_each_finding_that_nothing_follows_from(out: Path) -> None:
+    contents = contents_of(campaign_folders(out), Reader(plays=False))
+    first, *others = contents.findings
+    unavoidable = replace(first.record, judgement=Responsibility(Whose.UNAVOIDABLE, "nobody avoids it"))
+    contents = replace(contents, findings=(replace(first, record=unavoidable), *others))
+    text = as_text(contents)
+    assert f"\n1 {Whose.UNAVOIDABLE.counted}:\n  {first.name}: {first.title}\n" in text
+    assert text.count(first.name) == 1 and all(f"\n{one.name}\n  {one.title}\n" in text for one in others)
 
 
 def foresee(*arguments: str | Path, cwd: Path) -> str:

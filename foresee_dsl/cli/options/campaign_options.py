@@ -407,7 +407,7 @@ def _without_references(
 
     `written_in`: the campaign file that names the reference drivers; "" for the command line.
     """
-    from foresee_dsl.campaign.campaign_file import NOBODY
+    from foresee_dsl.campaign.campaign_file import NOBODY, own_reference
     from foresee_dsl.errors import ForeseeError
 
     listed = common.names_in(names) if isinstance(names, str) else names
@@ -415,7 +415,7 @@ def _without_references(
         return ()
     alone = tuple(dict.fromkeys(each.driver for each in settings if not each.against))
     if alone and len(drivers) == 1:
-        message = f"{alone[0]} is the driver under test, which cannot be its own reference: name another, or `{NOBODY}`"
+        message = ": ".join(own_reference(alone[0]))
         if written_in:
             raise ForeseeError(f"{written_in}: `against`: {message}")
         raise typer.BadParameter(message, param_hint="--against")

@@ -22,12 +22,16 @@ _ONLY_LOAD = ("--end", "0", "--no-step-log", "true", "--no-warnings", "true")
 _HEADER = re.compile(rb"\A(\s*<\?xml[^>]*\?>)?\s*(?:<!--.*?-->\s*)+", re.DOTALL)
 
 
-class NetconvertLimitError(CompileError):
+class NetconvertError(CompileError):
+    """Raised when netconvert made no network: the message holds its output."""
+
+
+class NetconvertLimitError(NetconvertError):
     """Raised when netconvert exceeded its limit of memory, time or file size; it would do so again with the same
     input."""
 
 
-class NetconvertDiedError(CompileError):
+class NetconvertDiedError(NetconvertError):
     """Raised when a signal ended netconvert, which is a fault of netconvert; other options may avoid the crash."""
 
 
@@ -66,7 +70,8 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
     Raises:
         NetconvertLimitError: it exceeds a limit.
         NetconvertDiedError: a signal ended it.
-        CompileError: it is missing or fails; the message holds its output.
+        NetconvertError: it refuses its input; the message holds its output.
+        CompileError: it is missing.
     """
     memory_mb = most("netconvert-memory") * (1 + _input_bytes(arguments, folder) / _FIVE_MB)
     code, complaint = _run("netconvert", arguments, folder, memory_mb)
@@ -84,7 +89,7 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
         words = _complaint(complaint, 0)
         raise NetconvertDiedError(f"netconvert {tool_version()} crashed ({signal.Signals(-code).name}"
                                   f"{f', its last output: {words}' if words else ''})")  # fmt: skip
-    raise CompileError(f"netconvert refused the network: {_complaint(complaint, code)}")
+    raise NetconvertError(f"netconvert refused the network: {_complaint(complaint, code)}")
 
 
 def check_loads(net: Path) -> None:

@@ -17,7 +17,7 @@ from foresee_dsl.compile.roads.polyline import XY, Points, distance_to, line_of
 from foresee_dsl.compile.roads.routing import RouteError, metres
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import MessageText, measured
-from foresee_dsl.helps import HelpText, one_of, write
+from foresee_dsl.helps import HelpText, one_of, remove, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.document import Problem, TestCase
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -351,6 +351,52 @@ def never_near(
             if off > si_of(part.distance) + room:
                 message = f"{actor.id} never comes within that distance: its way remains " + metres(off, 0) + " away"
                 yield Problem("", kind, "FS330", message, "name a place that its way passes", part=part.of)
+
+
+_NEW_WAY = (m.FollowsPath, m.LeavesTrack)
+"""Actions after which an actor may come to other junctions."""
+
+
+def never_passed(scenario: m.Scenario, placed: Iterable[PlacedActor], network: Topology) -> Iterator[Problem]:
+    """Yield a problem for each `ignores` or `meets` at a junction that an actor never passes.
+
+    A meeting of actors on routes is checked as an error before.
+    """
+    by_name = {actor.id: actor for actor in placed}
+    actions = [(when.kind, action) for when in scenario.all(m.When) for action in all_actions(when.actions)]
+    rules: list[tuple[str, str, str, m.Item]] = [
+        (actor.name, item.kind, actor.name, item)
+        for actor in scenario.actors
+        for item in actor.body
+        if isinstance(item, m.IgnoresRule | m.MeetsState)
+    ]
+    rules += [("", kind, item.actor, item) for kind, item in actions if isinstance(item, m.Ignores | m.Meets)]
+    elsewhere = {action.actor for _, action in actions if isinstance(action, _NEW_WAY)}
+    elsewhere |= {a.name for a in scenario.actors if any(isinstance(item, m.Track | m.Joins) for item in a.body)}
+    for owner, kind, name, item in rules:
+        if not isinstance(item, m.IgnoresRule | m.Ignores | m.MeetsState | m.Meets) or item.junction is None:
+            continue
+        junction = word_of(item.junction)
+        members = (name,) if isinstance(item, m.IgnoresRule | m.Ignores) else (name, item.other)
+        for member in members:
+            actor = by_name.get(member)
+            if actor is not None and member not in elsewhere and _stays_off(actor, junction, network):
+                message = f"{member} never passes {junction}, so this has no effect"
+                help: HelpText = remove("remove it")
+                if actor.line is not None and (over := _misses(actor, junction)):
+                    help = f"{member} goes over " + over + "; or " + remove("remove it")
+                yield Problem(owner, kind, "FS333", message, help, junction)
+
+
+def _stays_off(actor: PlacedActor, junction: str, network: Topology) -> bool:
+    """Return whether an actor's way neither goes over a junction nor ends at it."""
+    there = _outline(m.Named(name=junction), {}, network)
+    if not there or (actor.line is not None and actor.line.passage(junction) is not None):
+        return False
+    way = _way(actor)
+    way = way[-1:] * 2 if actor.line is not None else way
+    room = math.hypot(actor.model.length_m, actor.model.width_m) / 2 + _BESIDE_M["path"] + _size(there)
+    return min(distance_to(x, y, way) for x, y in there) > room
 
 
 def _conditions(scenario: m.Scenario) -> Iterator[tuple[str, m.Condition]]:

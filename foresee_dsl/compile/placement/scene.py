@@ -18,7 +18,7 @@ from foresee_dsl.compile.bundle import (
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
-from foresee_dsl.compile.placement.name_checks import NameChecks, never_near
+from foresee_dsl.compile.placement.name_checks import NameChecks, never_near, never_passed
 from foresee_dsl.compile.placement.paths import joined_way
 from foresee_dsl.compile.placement.spots import PLACED_BEFORE, CircleError, OnPath, OnRoute, UnsettledError
 from foresee_dsl.compile.placement.starts import StartSearch
@@ -153,6 +153,7 @@ class SceneBuilder:
         placed, _, _ = self.place()
         warnings = (
             *never_near(self._case.scenario, placed, self._names.places, self._network),
+            *(() if self._case.snapshot else never_passed(self._case.scenario, placed, self._network)),
             *checks.of_slippery(self._patches, self._network),
         )
         return checks.few(dict.fromkeys((*warnings, *checks.of_paths(placed, self._actors, self._network))))

@@ -1,7 +1,9 @@
 """Reads comments such as `# foresee: allow FS301`, which suppress a lint.
 
-A comment at the end of a line applies to the statement on that line and its block; a comment on a line of its own to
-the statement that follows; and one before the definition to the whole file. Only warnings can be allowed.
+A comment at the end of a line applies to the statements that begin on that line and their blocks; a comment on a line
+of its own to those of the next line that begins a statement; one inside a list to the statement with the list; and one
+before the definition to the whole file. `syntax/comments.py` keeps this when a file is formatted. Only warnings can be
+allowed.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.helps import remove
@@ -19,19 +21,19 @@ from foresee_dsl.language.document import Document
 if TYPE_CHECKING:
     from foresee_dsl.language.syntax.scan import Lines, Raw
 
-_ALLOW = re.compile(r"#\s*foresee:\s*allow\b([^\n]*)")
+Place = tuple[int, int]
 _CODE = re.compile(r"FS[0-9]{3}")
 
 
 @dataclass
 class _Allowance:
-    """One code in one comment: its place, the first and last line that it applies to, and whether it suppressed a
-    lint."""
+    """One code in one comment: its place, the text that it applies to (the line and column of its start and its end),
+    and whether it suppressed a lint."""
 
     code: str
     span: Span
-    first: int
-    last: int
+    first: Place
+    last: Place
     needed: bool = field(default=False)
 
 
@@ -61,7 +63,7 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
 def _allowed(diagnostic: Diagnostic, allowances: Sequence[_Allowance]) -> bool:
     if diagnostic.severity == "error" or diagnostic.span is None:
         return False
-    matching = [a for a in allowances if a.code == diagnostic.code and a.first <= diagnostic.span.line <= a.last]
+    matching = [a for a in allowances if a.code == diagnostic.code and a.first <= diagnostic.start <= a.last]
     for allowance in matching:
         allowance.needed = True
     return bool(matching)
@@ -74,35 +76,43 @@ def _allowances(text: str) -> Iterator[_Allowance]:
 
     cut, rows = scan(text), text.split("\n")
     statements = list(_statements(cut.statements, cut.lines))
-    definition = max((s for s in statements if s[2]), default=(1, 1, True))
+    definition = max((s.first for s in statements if s.top), default=(1, 1))
     for comment in cut.comments:
-        allow = _ALLOW.match(comment.text)
+        allow = comment.allow
         if allow is None:
             continue
         line, column = comment.line, comment.column
         own_line = not rows[line - 1][: column - 1].strip()
-        first, last = _reach(line, own_line, statements, definition[0], len(rows))
+        first, last = _reach(line, own_line, statements)
+        if line <= definition[0]:
+            first, last = (1, 1), (len(rows) + 1, 1)
         for code in _CODE.finditer(allow[1]):
             at = column + allow.start(1) + code.start()
             yield _Allowance(code[0], Span(line, at, line, at + len(code[0])), first, last)
 
 
-def _reach(
-    line: int, own_line: bool, statements: Sequence[tuple[int, int, bool]], definition: int, end: int
-) -> tuple[int, int]:
-    """Return the first and the last line that a comment applies to."""
-    if line <= definition:
-        return 1, end
+def _reach(line: int, own_line: bool, statements: Sequence[_Places]) -> tuple[Place, Place]:
+    """Return the start and the end of the text that a comment applies to."""
+    if own_line or all(s.first[0] != line for s in statements):
+        with_list = [s for s in statements if s.first[0] < line <= s.head[0]]
+        if with_list:
+            return with_list[-1].first, with_list[-1].last
     if own_line:
-        following = [s for s in statements if s[0] > line]
-        return min(following)[:2] if following else (line, line)
-    on_line = [s for s in statements if s[0] == line]
-    return line, max((s[1] for s in on_line), default=line)
+        line = min((s.first[0] for s in statements if s.first[0] > line), default=line)
+    return (line, 1), max((s.last for s in statements if s.first[0] == line), default=(line, 1))
 
 
-def _statements(raws: Sequence[Raw], lines: Lines, *, top: bool = True) -> Iterator[tuple[int, int, bool]]:
-    """For every statement, yield its first line, its last line, and whether it is at the top level."""
+class _Places(NamedTuple):
+    """The places of a statement: its start, the end of its head, its end; and whether it is at the top level."""
+
+    first: Place
+    head: Place
+    last: Place
+    top: bool
+
+
+def _statements(raws: Sequence[Raw], lines: Lines, *, top: bool = True) -> Iterator[_Places]:
     for raw in raws:
-        end = raw.close - 1 if raw.block is not None else raw.end
-        yield lines.place(raw.start)[0], lines.place(end)[0], top
+        head, last = (raw.open, raw.close - 1) if raw.block is not None else (raw.end, raw.end)
+        yield _Places(lines.place(raw.start), lines.place(head), lines.place(last), top)
         yield from _statements(raw.block or (), lines, top=False)

@@ -27,13 +27,15 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """Return the lints of a file without errors, sorted by place, except those that a comment allows.
 
     `cases`: the test cases of the file (none for a network or a catalogue). A lint of several cases is reported once.
-    A clip has no lints of its own, and a mutant only those of its changes: the others belong to their parents.
+    A clip has only the lint of its window, and a mutant only those of its changes: the others belong to their parents.
     """
     lints = _Lints(document)
     if isinstance(document.model, m.Scenario):
         for scenario_lint in _SCENARIO_LINTS:
             scenario_lint(lints, document.model)
     for case in cases:
+        if case.clip is not None and case.clip is document.model:
+            _beyond_the_end(lints, case.clip, case.parent_ends_s)
         if case.mutant is not None and case.mutant is document.model:
             _without_effect(lints, case.mutant, case.scenario.first(m.End))
         if case.clip is None and case.mutant is None:
@@ -134,6 +136,16 @@ def _without_effect(lints: Collector, mutant: m.Mutant, end: m.End | None) -> No
             message = f"the clip ends after {end_s:g} s, so {what} never changes"
             help = "write an earlier time, or " + remove("remove the change")
             lints.add(change, "start", "FS318", message, help)
+
+
+def _beyond_the_end(lints: Collector, clip: m.Clip, parent_ends_s: float) -> None:
+    """Report a window with seconds that the run of the clip's parent never reaches."""
+    if (window := clip.first(m.Window)) is not None and clip.end_s > parent_ends_s:
+        message = f"the parent's run ends after {parent_ends_s:g} s, and this window goes beyond that"
+        help: HelpText = "write times of the parent's run"
+        if clip.start_s < parent_ends_s:
+            help = "let it end then: " + write(f"window {value_text(window.start)}..{parent_ends_s:g} s")
+        lints.add(window, "", "FS319", message, help)
 
 
 _SCENARIO_LINTS = (_unused_parameters, _dead_cases, divisions_by_zero, dead_requirements)

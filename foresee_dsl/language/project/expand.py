@@ -12,6 +12,7 @@ from foresee_dsl.language.document import Comments, Document, TestCase
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model.scenario import DEFAULT_END_S
 from foresee_dsl.language.printer import print_model, remarked, value_text
 from foresee_dsl.language.project.addresses import relative_to
 from foresee_dsl.language.project.catalogues import check_models
@@ -52,9 +53,11 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
     scenario = concretise(m.Scenario(name=clip.name, body=body), None, document=document)
     check_models(scenario, parent.models, document, None)
     meaning = meaning_hash(scenario, parent.network, parent.models, parent.tracks)
+    end = parent.scenario.first(m.End)
     return replace(
-        parent, id=name, scenario=scenario, meaning=meaning, source=source, document=document, clip=clip, mutant=None
-    )
+        parent, id=name, scenario=scenario, meaning=meaning, source=source, document=document, clip=clip, mutant=None,
+        parent_ends_s=end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S,
+    )  # fmt: skip
 
 
 def expand_mutant(

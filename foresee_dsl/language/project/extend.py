@@ -15,6 +15,7 @@ from foresee_dsl.files import absolute
 from foresee_dsl.helps import HelpText, instead, write
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import needed_by
 from foresee_dsl.language.document import Document
 from foresee_dsl.language.messages.collector import Collector
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -25,6 +26,8 @@ from foresee_dsl.language.traversal import changed_fields, walk
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 _SINGLE = ("ego", "network", "use_tracks", "weather", "end")
 """Groups of statements of which a scenario has at most one."""
+_PLACES = 3
+"""Maximum number of places in one message (ours: the others show up once these are fixed)."""
 
 
 def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
@@ -89,6 +92,7 @@ class _Joiner:
                     self._drop(line)
                 case m.Change():
                     self._change(line)
+        self._check_dropped()
         self._collector.raise_if_any()
         self._settle_again()
         model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._expected, *self._body))
@@ -172,6 +176,38 @@ class _Joiner:
             self._collector.add(line, "name" if line.name else "", "FS126", message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))
+
+    def _check_dropped(self) -> None:
+        """Report parameters that were dropped, but are still used."""
+        bodies = (self._parent.model.body, self._body)
+        before, after = ({item.name for item in body if isinstance(item, m.Param)} for body in bodies)
+        for line in self._extension.all(m.Drop):
+            places = self._uses(line.name) if line.what == "param" and line.name in before - after else []
+            if places:
+                more = f" and {len(places) - _PLACES} more" if len(places) > _PLACES else ""
+                message = f"'{line.name}' is dropped, but still used in {', '.join(places[:_PLACES])}{more}"
+                help = "change or drop what uses it, or leave the parameter"
+                self._collector.add(line, "name", "FS031", message, help)
+
+    def _uses(self, name: str | None) -> list[str]:
+        """Return the lines that use a parameter or give it a value."""
+        types: dict[str, m.ParamType] = {
+            item.name: item.type for item in (*self._parent.model.body, *self._body) if isinstance(item, m.Param)
+        }
+        places: dict[str, None] = {}
+        for part in (part for item in self._body for part in walk(item)):
+            used = isinstance(part, m.Ref) and part.name == name
+            if isinstance(part, m.Assignment):
+                used = part.name == name or any(ref.name == name for ref in needed_by(part, types))
+            if used:
+                places[self._line_of(part)] = None
+        return list(places)
+
+    def _line_of(self, item: m.Item) -> str:
+        if (own := self._spans.get((id(item), ""))) is not None:
+            return f"line {own.line}"
+        span = self._base_spans.get((id(item), "")) or self._parent.span(item)
+        return f"line {span.line} of '{self._parent.path}'" if span is not None else f"'{self._parent.path}'"
 
     def _change(self, line: m.Change) -> None:
         place = f"'{self._extension.parent}'"

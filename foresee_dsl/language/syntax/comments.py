@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
@@ -44,7 +44,8 @@ def attach(root: Node, header: Span, comments: Sequence[Comment], text: str) -> 
     lines = text.split("\n")
     for comment in comments:
         own_line = not lines[comment.line - 1][: comment.column - 1].strip()
-        _place(file, (comment.line, comment.column), _text(comment), own_line)
+        if comment.allow is None or not _place_allowance(file, comment, own_line):
+            _place(file, (comment.line, comment.column), _text(comment), own_line)
     by_key: dict[Key, Comments] = {}
     _collect(file, by_key)
     at_end = by_key.pop(END, None)
@@ -90,6 +91,48 @@ def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
     else:
         last.after_end = text
     return None
+
+
+def _place_allowance(file: _Entry, comment: Comment, own_line: bool) -> bool:
+    """Add a comment that allows a lint to the statements that it applies to (`lints/allowances.py`); return whether it
+    was added.
+
+    The formatted file has one statement on a line, so the comment of a line with several statements is repeated.
+    """
+    line, text = comment.line, _text(comment)
+    if not own_line:
+        entries = _beginning_on(line, file)
+        for entry in entries:
+            _behind(entry, text)
+        return bool(entries)
+    if _in_list(file, (line, comment.column)):
+        return False
+    following = min((entry.start[0] for entry in _inside(file) if entry.start[0] > line), default=line)
+    entries = _beginning_on(following, file)
+    if len(entries) < 2:
+        return False
+    for k, entry in enumerate(entries):
+        entry.before.append((line if k == 0 else 0, text))
+    return True
+
+
+def _inside(container: _Entry) -> Iterator[_Entry]:
+    for child in container.children:
+        yield child
+        yield from _inside(child)
+
+
+def _beginning_on(line: int, container: _Entry) -> list[_Entry]:
+    """Return the outermost statements that begin on a line."""
+    beginning: list[_Entry] = []
+    for child in container.children:
+        beginning += [child] if child.start[0] == line else _beginning_on(line, child)
+    return beginning
+
+
+def _in_list(file: _Entry, at: _Place) -> bool:
+    """Return whether a place is inside a list that goes over several lines."""
+    return any(e.start < at < (e.block[0] if e.block is not None else e.end) for e in _inside(file))
 
 
 def _behind(entry: _Entry, text: str, *, same_line: bool = True) -> None:

@@ -40,8 +40,9 @@ MAX_DEPTH = 40
 
 
 _TURNS = form_of(m.Leg, "turn").words
-RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
-"""Words that are never read as a parameter's name, at any place; so no parameter can have such a name."""
+RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS, "time"))
+"""Words that are never read as a parameter's name, at any place; so no parameter can have such a name. In a comparison,
+`time` is the time since the start."""
 
 _KINDS = MappingProxyType({m.rule_of(kind): kind for kind in m.ITEMS})
 """The class of the model for each rule of the grammar."""

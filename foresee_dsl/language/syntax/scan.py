@@ -19,6 +19,7 @@ _HAS_BLOCK = re.compile(r"(?:when|if|while|whenever|upon|then(?!\s+joins\b))\b(?
 are not allowed elsewhere. In a case, `when = 3 s` gives a value to a parameter of that name."""
 _SECOND_WORD = re.compile(r"\w+\s+(\w+)")
 _NEXT_LINE = re.compile(r"(?:\n[ \t]*(?:#[^\n]*)?)*\n(?P<indent> +)(?=[^\s#}])")
+_ALLOW = re.compile(r"#\s*foresee:\s*allow\b([^\n]*)")
 _ENDS_OF_LISTS = ("]", "{", "}", ";")
 MOST = 100
 """Number of errors after which a text is not searched further (ours: more are not read, and a broken file must not take
@@ -56,6 +57,11 @@ class Comment:
     text: str
     line: int
     column: int
+
+    @property
+    def allow(self) -> re.Match[str] | None:
+        """The match of `# foresee: allow FS301`, with what follows `allow` as its group; None for another comment."""
+        return _ALLOW.match(self.text)
 
 
 class Lines:

@@ -116,11 +116,14 @@ def block(text: str, language: str) -> MarkdownText:
 
 
 def as_text(contents: Contents) -> str:
-    """Return the headline and a paragraph for each finding: its story, its changes, and the command that runs it; then
-    the broken expectations of mutants without another failure.
+    """Return the headline and a paragraph for each finding to act on: its story, its changes, and the command that runs
+    it; a line for each of the others; then the broken expectations of mutants without another failure.
     """
     blocks = ["\n".join([safe(contents.headline), safe(contents.subtitle), *map(safe, contents.notes)])]
-    blocks += ["\n".join(_lines(finding)) for finding in contents.findings]
+    blocks += ["\n".join(_lines(finding)) for finding in contents.findings if not finding.folded]
+    if contents.folded:
+        lines = [f"  {safe(finding.name)}: {safe(finding.title)}" for finding in contents.folded]
+        blocks.append("\n".join([f"{safe(contents.folded_text)}:", *lines]))
     if (broken := contents.breaking) is not None and broken.rows:
         lines = [", ".join(filter(None, map(safe, row))) for row in (*broken.rows, *filter(None, [broken.total]))]
         blocks.append("\n".join([broken.title, *(f"  {line}" for line in lines)]))
