@@ -146,6 +146,12 @@ def test_it_is_said_why_there_are_fewer_mutants_than_asked_for(
     assert f"{count} of the 90 mutants asked for: the preset avoidable makes one for each candidate" in printed
 
 
+def test_a_file_in_the_place_of_the_folder_is_named_with_its_option(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    refused = foresee("campaign", MISSING, "--out", tmp_path / "taken", expect=2)
+    assert "Invalid value for '--out'" in refused.output
+
+
 def test_a_scenario_is_not_mutated(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     for address in ("crosser.foresee", CASE):
