@@ -295,7 +295,7 @@ def mutate(
 ) -> None:
     """Mutate a clip, run the mutants, and write each one with its result, beside the clip or into --out.
 
-    The mutants of a clip in a campaign's folder need --out.
+    The mutants of a clip in a campaign's folder need --out. A file that is there with other content is not overwritten.
 
     Exit code 1 when a mutant failed, or broke an `expect` line.
 
@@ -327,22 +327,25 @@ def mutate(
             lambda: [of_child(child, child.file, driver, seed, suite=str(file)) for child in outcomes],
             properties=(("driver", driver), ("seed", str(seed))),
         ),
-        people=lambda screen: _print_mutants(screen, outcomes),
+        people=lambda screen: _print_mutants(screen, outcomes, children, preset),
         junit=junit,
     )
     if not exit_zero and any(not child.passed for child in outcomes):
         raise typer.Exit(common.FAILED)
 
 
-def _print_mutants(screen: Console, outcomes: Sequence[ChildOutcome]) -> None:
+def _print_mutants(screen: Console, outcomes: Sequence[ChildOutcome], count: int, preset: str) -> None:
     from rich.text import Text
 
+    from foresee_dsl.campaign.mutate_file import why_fewer
     from foresee_dsl.report.safe_text import safe
 
     for child in outcomes:
         screen.print(Text(f"{child.file}\n  {safe(child.reason)} ({', '.join(child.operators)})"), soft_wrap=True)
     if not outcomes:
         screen.print("nothing was mutated, because no operator can change an actor of this clip", soft_wrap=True)
+    elif len(outcomes) < count:
+        screen.print(f"{len(outcomes)} of the {count} mutants asked for: {why_fewer(preset)}", soft_wrap=True)
 
 
 def _load_trace(path: Path) -> Trace:

@@ -15,7 +15,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX, TRACKS
+from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX, TRACKS, relative_to
 from foresee_dsl.language.syntax.expected import words_of_terminals
 from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import EXAMPLES, UNITS, Dimension, dimension_of
@@ -60,7 +60,7 @@ def complete(files: Files, path: Path, text: str, offset: int) -> Completion:
         # The beginning of a number's unit, or a whole unit: `speed 50 k`.
         return Completion((), len(place.word))
     suggestions: dict[str, Suggestion] = {}
-    for slot in slots(place.text, terminals):
+    for slot in sorted(slots(place.text, terminals), key=_is_seldom):
         if place.in_string and slot.token != "STRING":
             continue
         for suggestion in _of_slot(files, path, slot, place):
@@ -69,6 +69,15 @@ def complete(files: Files, path: Path, text: str, offset: int) -> Completion:
         for word in words_of_terminals(terminals):
             suggestions.setdefault(word, _keyword(word))
     return Completion(tuple(suggestions.values()), len(place.word))
+
+
+def _is_seldom(slot: CompletionSlot) -> bool:
+    """Return whether a slot is for a parameter at the beginning of a condition on what happens, which most often begins
+    with a measure."""
+    above = slot.above[-1] if slot.above else None
+    compared = slot.node.kind is m.Ref and above is not None and above.fields.get("left") is slot.node
+    begins = compared or (slot.node.kind is m.Equals and slot.field == "left")
+    return begins and all(node.kind is not m.Require for node in slot.above)
 
 
 def _keyword(word: str) -> Suggestion:
@@ -95,7 +104,7 @@ def _of_slot(files: Files, path: Path, slot: CompletionSlot, place: Before) -> I
 def _names(files: Files, path: Path, slot: CompletionSlot, place: Before) -> Iterator[Suggestion]:
     kind = kind_named(slot.node, slot.field)
     if kind == "file":
-        yield from _files(path, _SUFFIXES.get(slot.node.kind, (SUFFIX,)))
+        yield from _files(files, path, slot.node.kind, place.word)
     elif kind is not None and (slot.token != "STRING" or place.in_string):
         yield from _of_kind(files, path, slot, kind, place)
     if slot.token == "NAME":
@@ -115,8 +124,8 @@ def _of_kind(files: Files, path: Path, slot: CompletionSlot, kind: SymbolKind, p
         kinds = _of_type(_type_of_word(files, path, slot))
     else:
         kinds = (kind,)
-    if slot.node.kind is m.Change and slot.field == "actor":
-        yield from _changeable(files, path)
+    if slot.node.kind is m.Change and (changes := _of_change(files, path, slot)) is not None:
+        yield from changes
         return
     if slot.node.kind is m.Shows and "actor" in slot.node.fields:
         yield from (Suggestion(colour, "constant", KEYWORDS[colour].meaning) for colour in m.SIGNAL_COLOURS)
@@ -171,12 +180,27 @@ def _changeable(files: Files, path: Path) -> Iterator[Suggestion]:
     """Yield the properties that a `change` can name: of actors, weather, parameters, expectations and the end."""
     for name, definition in files.definitions(path, "actor").items():
         if definition.occurrence.owner.kind is not m.Traffic:
-            yield from (Suggestion(f"{name}.{what}", "name", _describe(definition)) for what in m.PROPERTIES)
+            is_ego = definition.occurrence.owner.kind is m.Ego
+            properties = [what for what, rule in m.PROPERTIES.items() if rule.for_ego or not is_ego]
+            yield from (Suggestion(f"{name}.{what}", "name", _describe(definition)) for what in properties)
     for word, kind in (("param", "parameter"), ("expect", "label")):
         definitions = files.definitions(path, cast(SymbolKind, kind)).items()
         yield from (Suggestion(f"{word}.{name}", "name", _describe(definition)) for name, definition in definitions)
     for name, owner in m.OWNERS.items():
         yield from (Suggestion(f"{name}.{what}", "name") for what in owner.properties)
+
+
+def _of_change(files: Files, path: Path, slot: CompletionSlot) -> Iterator[Suggestion] | None:
+    """Return what a `change` can name, or the words of the property that it changes; None if its values are models."""
+    if slot.field == "actor":
+        return _changeable(files, path)
+    rule = m.PROPERTIES.get(str(slot.node.fields.get("property")))
+    if slot.node.fields.get("actor") in m.OWNERS:
+        return iter(())
+    if rule is None or rule.statement is None:
+        return None
+    meanings = {word: KEYWORDS[word].meaning if word in KEYWORDS else "" for word in rule.words}
+    return (Suggestion(word, "constant", meaning) for word, meaning in meanings.items())
 
 
 def _fits(definition: Definition, slot: CompletionSlot, kind: SymbolKind | None) -> bool:
@@ -193,6 +217,8 @@ def _parameters(files: Files, path: Path, slot: CompletionSlot) -> Iterator[Sugg
     dimension = _dimension(files, path, slot)
     model = "model" in above.fields
     assignment = next((node for node in slot.above if node.kind is m.Assignment), None)
+    if any(node.kind is m.Mutant for node in slot.above):
+        return  # a clip has no parameters
     if assignment is not None and dimension_of(files.type_of(path, str(assignment.fields.get("name")))) is None:
         return  # a word
     for name, definition in files.definitions(path, "parameter").items():
@@ -220,6 +246,10 @@ def _dimension(files: Files, path: Path, slot: CompletionSlot) -> Dimension | No
     if above.kind in (m.Param, m.Range, m.Assignment):
         owner = above if above.kind is not m.Range else outer[-2]
         return dimension_of(owner.fields.get("type") or files.type_of(path, str(owner.fields.get("name"))))
+    if above.kind is m.Change:
+        owner_, property_ = (str(above.fields.get(name)) for name in ("actor", "property"))
+        changed = m.OWNERS.get(owner_) or m.PROPERTIES.get(property_)
+        return changed.dimension if changed is not None else None
     return form_of(above.kind, field).dimension
 
 
@@ -236,18 +266,47 @@ def _describe(definition: Definition) -> str:
 
 _SUFFIXES: Mapping[type[m.Item], tuple[str, ...]] = {m.UseNetwork: (SUFFIX, *FOREIGN_NETWORKS), m.UseTracks: (TRACKS,)}
 """How the names of files end that a statement may name; any other statement names files of the language."""
+_HOLDS: Mapping[type[m.Item], tuple[str, ...]] = {
+    m.UseNetwork: ("network",),
+    m.UseModels: ("models",),
+    m.Extension: ("scenario",),
+    m.Clip: ("scenario", "clip", "mutant"),
+    m.Mutant: ("clip", "mutant"),
+    m.Seeds: ("scenario",),
+}
+"""The kinds of files of the language that a statement may name; any other statement may name all."""
 
 
-def _files(path: Path, suffixes: tuple[str, ...]) -> Iterator[Suggestion]:
-    """Yield the files with these ends in the folder of a file and in those below."""
-    names: list[str] = []
+def _files(files: Files, path: Path, kind: type[m.Item], begun: str) -> Iterator[Suggestion]:
+    """Yield the files that a statement of a file may name and that were begun (by path or by name): first those in its
+    folder and below, then those of the project beside and above."""
+    suffixes, holds = _SUFFIXES.get(kind, (SUFFIX,)), _HOLDS.get(kind, ())
+    begun, count = begun.removeprefix("./"), 0
+    for full in _near_files(path.parent, files.project(path)):
+        if full == path or not full.name.endswith(suffixes):
+            continue
+        name = relative_to(path.parent, full)
+        if not name.startswith(begun) and not full.name.startswith(begun):
+            continue
+        if holds and full.name.endswith(SUFFIX) and files.kind(full) not in holds:
+            continue
+        yield Suggestion(name, "file")
+        count += 1
+        if count == _MOST_FILES:
+            return
+
+
+def _near_files(start: Path, project: Path) -> Iterator[Path]:
+    """Yield files of a project, those of a folder and of the folders below it before those of the folder above it."""
     looked_at = 0
-    for folder, below, here in os.walk(path.parent):
-        below[:] = sorted(name for name in below if not name.startswith("."))
-        looked_at += len(here)
-        for name in sorted(here):
-            if name.endswith(suffixes) and (full := Path(folder) / name) != path:
-                names.append(full.relative_to(path.parent).as_posix())
-        if len(names) >= _MOST_FILES or looked_at >= _MOST_ENTRIES:
-            break
-    yield from (Suggestion(name, "file") for name in names[:_MOST_FILES])
+    walked: Path | None = None
+    for above in (start, *start.parents):
+        for folder, below, here in os.walk(above):
+            below[:] = sorted(name for name in below if not name.startswith(".") and Path(folder) / name != walked)
+            looked_at += len(here)
+            yield from (Path(folder) / name for name in sorted(here))
+            if looked_at >= _MOST_ENTRIES:
+                return
+        if above == project:
+            return
+        walked = above

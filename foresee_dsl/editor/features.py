@@ -148,7 +148,7 @@ def rename(session: Session, params: Json) -> Json:
         changes.setdefault(where, []).append({"range": places.range(place.span), "newText": renaming.name})
     if renaming.stale:
         names = ", ".join(path.name for path in renaming.stale[:5]) + (", ..." if len(renaming.stale) > 5 else "")
-        message = f"{len(renaming.stale)} clips and mutants pin the renamed file and are stale now: {names}"
+        message = f"{len(renaming.stale)} clips and mutants are stale now, as a file that they pin is edited: {names}"
         session.connection.notify("window/showMessage", {"type": 2, "message": message})
     return {"changes": changes}
 

@@ -15,7 +15,7 @@ from foresee_dsl.files import absolute, data_folder, read_outside_text, stamp_of
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import MAX_BYTES
-from foresee_dsl.language.project.addresses import scenario_files
+from foresee_dsl.language.project.addresses import kind_of, kind_of_text, marked, project_folder, scenario_files
 from foresee_dsl.language.syntax.node import Node
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)
@@ -57,6 +57,18 @@ class Files:
         """Return the node of a file's definition, as far as it can be read."""
         text = self.text(path)
         return read_syntax(text).root if text is not None and path.suffix == ".foresee" else None
+
+    def kind(self, path: Path) -> str:
+        """Return the kind of a file by its first keyword; "" if unclear."""
+        held = self.overlay.get(path)
+        return kind_of_text(held) if held is not None else kind_of(path)
+
+    def project(self, path: Path) -> Path:
+        """Return the folder of the project that a file belongs to; without a mark of one, the folder that is open."""
+        project = project_folder(path.parent)
+        if marked(project):
+            return project
+        return next((folder for folder in self._folders if path.is_relative_to(folder)), path.parent)
 
     def all(self) -> tuple[Path, ...]:
         """Return all `.foresee` files of the workspace, and the open ones."""

@@ -67,6 +67,7 @@ def parse(text: str, path: str) -> Document:
     if not text.strip():
         help = "begin with " + write("foresee 1") + ", then a scenario, network, clip, mutant or models block"
         raise InputError((Diagnostic.of("FS002", "the file is empty", help, path),))
+    _refuse_conflicts(text, path)
     _check_size(text, path)
     reading = read(text, MOST if len(text) <= _MAX_EXPLAINED else 1)
     tree, errors = reading.tree, [*reading.errors]
@@ -103,6 +104,35 @@ def parse(text: str, path: str) -> Document:
 def plain(text: str) -> str:
     """Return a text as the grammar reads it: newlines are `\\n`, no byte order mark."""
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+_CONFLICT_BEGINS = re.compile(r"^<{7}(?: .*)?$", re.MULTILINE)
+_CONFLICT_ENDS = re.compile(r"^>{7}(?: .*)?$", re.MULTILINE)
+"""The lines around the two versions of some lines that git could not merge (git-merge(1), "How conflicts are
+presented")."""
+
+
+def _refuse_conflicts(text: str, path: str) -> None:
+    """Check that a text has no marks of an unresolved merge.
+
+    Raises:
+        InputError: it has some; other errors are not searched, since most come from the marks and the double lines.
+    """
+    begins = _CONFLICT_BEGINS.search(text)
+    if begins is None:
+        return
+    lines, errors = Lines(text), list[Diagnostic]()
+    while begins is not None and len(errors) < MOST:
+        ends = _CONFLICT_ENDS.search(text, begins.end())
+        if ends is None:
+            break
+        place = lines.span(begins.start(), ends.end())
+        message = f"an unresolved merge conflict, lines {place.line} to {place.end_line}"
+        help = "keep the lines that are meant, and remove the lines that begin with `<<<<<<<`, `=======` and `>>>>>>>`"
+        errors.append(Diagnostic.of("FS003", message, help, span=place))
+        begins = _CONFLICT_BEGINS.search(text, ends.end())
+    if errors:
+        raise InputError(_diagnostics(errors, text, path))
 
 
 def _check_size(text: str, path: str) -> None:

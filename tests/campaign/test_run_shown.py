@@ -32,7 +32,7 @@ def test_near_misses_are_a_block() -> None:
     )
     result = RunResult(Verdict.PASS, 3.0, "", "arrived at 3.00 s", 3.0, 60, trace)
     assert shown(result) == (
-        "runs.foresee::r01: pass, arrived at 3.00 s (3.0 s, 60 steps)\n"
+        "runs.foresee::r01: pass, arrived at 3.00 s (3.00 s, 60 steps)\n"
         "  nearest   15.00 m at 3.00 s, lead\n"
         "  TTC       3.00 s at 3.00 s, lead\n"
         "  braking   0.8 m/s^2 needed at 3.00 s, lead\n"

@@ -85,10 +85,13 @@ def test_init_overwrites_nothing(project: Path) -> None:
 def test_what_init_writes_for_a_build_server_calls_commands_that_exist(project: Path, tmp_path: Path) -> None:
     foresee("init", tmp_path / "two words", "--ci", "gitlab", "--driver", "idm", "--install", "wheels/f.whl")
     pipeline = yaml.safe_load((tmp_path / "two words" / ".gitlab-ci.yml").read_text())
-    assert pipeline["scenarios"]["before_script"] == ["python -m pip install wheels/f.whl"]
+    assert pipeline["default"]["before_script"] == ["python -m pip install wheels/f.whl"]
     workflow = yaml.safe_load((project / ".github/workflows/scenarios.yml").read_text())
     steps = "\n".join(step.get("run", "") for step in workflow["jobs"]["scenarios"]["steps"]).splitlines()
-    lines = [line for line in [*steps, *pipeline["scenarios"]["script"]] if line.startswith("foresee ")]
+    jobs = (pipeline["files"], pipeline["scenarios"])
+    lines = [
+        line for line in [*steps, *(line for job in jobs for line in job["script"])] if line.startswith("foresee ")
+    ]
     assert len(lines) == 6
     for line in lines:
         foresee(*line.split()[1:])
@@ -358,6 +361,15 @@ def test_the_steps_of_the_action(root: Path, project: Path, tmp_path: Path) -> N
     for report in ("verify.xml", "campaign.xml"):
         junit((project / "kept" / report).read_text(), root)
     shutil.rmtree(project / "kept")
+
+
+def test_mistakes_in_files_do_not_hide_failures_that_came_back(root: Path, project: Path) -> None:
+    action = yaml.safe_load((root / "action.yml").read_text())["runs"]["steps"]
+    workflow = yaml.safe_load((project / ".github/workflows/scenarios.yml").read_text())["jobs"]["scenarios"]["steps"]
+    for steps in (action, workflow):
+        checked_at = [step.get("name") for step in steps].index("Check the files")
+        for step in steps[checked_at + 1 :]:
+            assert "!cancelled()" in step["if"] or step["if"] == "always()", step
 
 
 def test_the_template_of_gitlab(root: Path, project: Path) -> None:

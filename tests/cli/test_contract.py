@@ -267,5 +267,9 @@ def test_a_trace_that_is_none_or_damaged(scenarios: Path, tmp_path: Path) -> Non
     assert "No such file" in foresee("clip", tmp_path / "none.npz", expect=1).stderr
 
 
-def test_a_folder_without_recorded_failures(scenarios: Path) -> None:
-    assert "there are no tests" in foresee("verify", scenarios).stdout
+def test_a_folder_without_recorded_failures(scenarios: Path, tmp_path: Path) -> None:
+    assert "there are no tests" in foresee("verify", tmp_path).stdout  # a project begins with an empty suite
+    refused = foresee("verify", scenarios, expect=1).stderr
+    assert "FS132: the scenarios in this folder have no expected results" in refused
+    assert "the folder that `foresee keep` writes" in refused
+    foresee("verify", tmp_path, scenarios, "--json", expect=1)

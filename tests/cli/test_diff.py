@@ -151,3 +151,16 @@ def test_git_asks_for_the_difference_in_words(folder: Path) -> None:
     (folder / "a.foresee").write_text("half a file")
     assert "+half a file" in git("diff", "a.foresee", cwd=folder)
     assert foresee("git-diff", "a.foresee", cwd=folder) == "* Unmerged path a.foresee\n"
+
+
+def test_git_names_both_paths_of_a_renamed_file(folder: Path) -> None:
+    (folder / "two words.foresee").write_text((folder / "a.foresee").read_text())
+    repository(folder)
+    git("config", "diff.foresee.command", "foresee git-diff", cwd=folder)
+    git("mv", "two words.foresee", "c d.foresee", cwd=folder)
+    shown = git("diff", "--cached", "-M", cwd=folder)
+    assert shown == "foresee diff 'two words.foresee' 'c d.foresee'\n\nno difference in meaning\n\n"
+    edit(folder / "c d.foresee", "speed 50 km/h", "speed 55 km/h")
+    shown = git("diff", "HEAD", "-M", cwd=folder)
+    assert shown.startswith("foresee diff 'two words.foresee' 'c d.foresee'\n\nStimulus\n")
+    assert "runner.speed: 50 km/h => 55 km/h" in shown

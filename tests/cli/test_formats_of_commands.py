@@ -118,3 +118,42 @@ def test_json_is_a_short_form_of_a_format(
         }
         assert len(printed) == 1, words
         assert (json.loads(*printed)["document"] == "error") == fails, words
+
+
+def test_mutants_of_another_preset_are_not_replaced(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(project)
+    options = ("mutate", CLIP, "--driver", "idm", "--exit-zero", "--out", tmp_path)
+    first = foresee(*options, "--children", "2")
+    assert "asked for" not in first.stdout
+    assert foresee(*options, "--children", "2").stdout == first.stdout  # equal content may be written again
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    refused = foresee(*options, "--children", "9", "--preset", "avoidable", expect=1)
+    assert f"nothing was written: {tmp_path}" in str(refused.exception)
+    assert "_m1.foresee" in str(refused.exception) and "there already with other content" in str(refused.exception)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_it_is_said_why_there_are_fewer_mutants_than_asked_for(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(project)
+    options = ("--driver", "idm", "--exit-zero", "--out", tmp_path, "--preset", "avoidable", "--children", "90")
+    printed = foresee("mutate", CLIP, *options).stdout
+    count = len([*tmp_path.iterdir()])
+    assert 0 < count < 90
+    assert f"{count} of the 90 mutants asked for: the preset avoidable makes one for each candidate" in printed
+
+
+def test_a_file_in_the_place_of_the_folder_is_named_with_its_option(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    refused = foresee("campaign", MISSING, "--out", tmp_path / "taken", expect=2)
+    assert "Invalid value for '--out'" in refused.output
+
+
+def test_a_scenario_is_not_mutated(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project)
+    for address in ("crosser.foresee", CASE):
+        refused = foresee("mutate", address, "--driver", "idm", expect=1)
+        assert f"{address} is not a clip: write one with `foresee clip`" in str(refused.exception)

@@ -115,8 +115,8 @@ def test_exactly(scenarios: Path, text: str, expected: list[str]) -> None:
         (BELOW + "network { junction a at (0 m, 0 m) ", {"signals", "stop"}, {"red"}),
         (
             'foresee 1\nmutant a of "scenario7.foresee" pin sha256:000000000000 {\n  change ',
-            {"ego.model", "ego.steer", "ego.timing", "weather.rain"},
-            {"ego", "ego.route"},
+            {"ego.model", "ego.speed", "runner.steer", "runner.timing", "weather.rain"},
+            {"ego", "ego.route", "ego.steer", "ego.timing"},
         ),
     ],
 )
@@ -148,3 +148,75 @@ def test_every_prefix_of_every_file_has_an_answer(root: Path) -> None:
 def test_expected_results_are_offered_in_a_mutant(scenarios: Path, line: str, some: set[str]) -> None:
     text = f'foresee 1\nmutant a of "scenario7.foresee" pin sha256:000000000000 {{\n  {line}'
     assert some <= set(offered(scenarios, text))
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ("runner.ignores: ", ["nothing", "signals", "priority"]),
+        ("runner.speed: 9 ", ["m/s", "km/h", "mph"]),
+        ("runner.delay: 0.00 s => ", ["2.5 s"]),
+        ("weather.rain: 0 => ", ["0.3"]),
+    ],
+)
+def test_values_of_the_changed_property_are_offered(scenarios: Path, changed: str, expected: list[str]) -> None:
+    text = f'foresee 1\nmutant a of "scenario7.foresee" pin sha256:000000000000 {{\n  change {changed}'
+    assert offered(scenarios, text) == expected
+    models = offered(scenarios, text.replace(changed, "runner.model: "))
+    assert "car.compact" in models and "gap" not in models
+
+
+def test_a_condition_begins_with_a_measure(scenarios: Path) -> None:
+    found = offered(scenarios, BELOW + "when ")
+    assert found.index("ego.speed") < found.index("gap")
+    required = offered(scenarios, BELOW + "require ")
+    assert required.index("gap") < required.index("ego.speed")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project with files of all kinds in folders beside each other."""
+    (tmp_path / ".gitattributes").write_text("")
+    for name, kind in (
+        ("scenarios/near", "scenario near"),
+        ("scenarios/sub/lane", "network lane"),
+        ("networks/docks", "network docks"),
+        ("models", "models"),
+        ("clips/cut", 'clip cut of "../scenarios/near.foresee"'),
+        ("campaign", "campaign all"),
+    ):
+        file = tmp_path / f"{name}.foresee"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(f"foresee 1\n\n{kind} {{\n}}\n")
+    (tmp_path / "networks" / "town.net.xml").write_text("")
+    (tmp_path / "tracks").mkdir()
+    (tmp_path / "tracks" / "cut.tracks.csv").write_text("")
+    return tmp_path
+
+
+LANE, DOCKS, TOWN = "sub/lane.foresee", "../networks/docks.foresee", "../networks/town.net.xml"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (BELOW + 'use network "', [LANE, DOCKS, TOWN]),
+        (BELOW + 'use network "../', [DOCKS, TOWN]),
+        (BELOW + 'use network "../networks/d', [DOCKS]),
+        (BELOW + 'use network "dock', [DOCKS]),
+        (BELOW + 'use network "../else', []),
+        (BELOW + 'use models "', ["../models.foresee"]),
+        (BELOW + 'use tracks "../t', ["../tracks/cut.tracks.csv"]),
+        ('foresee 1\n\nscenario a extends "', ["near.foresee"]),
+        ('foresee 1\n\nclip a of "', ["near.foresee", "../clips/cut.foresee"]),
+        ('foresee 1\n\nmutant a of "', ["../clips/cut.foresee"]),
+        ('foresee 1\n\ncampaign a {\n  seeds "', ["near.foresee"]),
+    ],
+)
+def test_files_of_the_right_kind_are_offered_in_the_whole_project(
+    project: Path, text: str, expected: list[str]
+) -> None:
+    path = project / "scenarios" / "x.foresee"
+    completed = complete(Files({path: text}, [project]), path, text, len(text))
+    assert [suggestion.text for suggestion in completed.suggestions] == expected
+    assert completed.replaces == len(text) - text.rindex('"') - 1

@@ -175,6 +175,18 @@ def diagnostic(line: str, start: int, end: int) -> Diagnostic:
     return Diagnostic("FS003", "wrong", "right", "a.foresee", Span(7, start, 7, end), line)
 
 
+def test_an_unresolved_merge_is_one_error():
+    ours, theirs = "  end after 5 s\n  }\n", "  end after 6 s {\n"
+    conflict = f"{'<' * 7} HEAD\n{ours}{'=' * 7}\n{theirs}{'>' * 7} other words\n"
+    found = mistakes(f"foresee 1\n\nscenario s {{\n{conflict}  ego: nonsense\n{conflict}}}\n")
+    assert [error.message for error in found] == [
+        "an unresolved merge conflict, lines 4 to 9",
+        "an unresolved merge conflict, lines 11 to 16",
+    ]
+    assert {error.code for error in found} == {"FS003"}
+    assert not any("merge" in str(error.message) for error in mistakes(f"foresee 1\n{'<' * 7} a\n"))
+
+
 def test_full():
     shown = render_full(diagnostic("  speed 50 kmh", 12, 15))
     assert shown.splitlines() == [

@@ -22,7 +22,15 @@ from foresee_dsl.campaign.regression.expectations import (
     name_to_record,
     names_of,
 )
-from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_folder, suite_of, tests_in, write_index
+from foresee_dsl.campaign.regression.suite import (
+    SuiteTest,
+    role_of,
+    stated_in,
+    suite_folder,
+    suite_of,
+    tests_in,
+    write_index,
+)
 from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
@@ -31,6 +39,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.files import absolute, read_outside, write_whole
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
+from foresee_dsl.language.project.addresses import display_path, is_folder, kind_of, mistake, scenario_files
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.repin import DerivedFile, PinState, plan
 from foresee_dsl.simulate.results.verdict import Hang, RunRecord, Verdict
@@ -108,10 +117,13 @@ def verify_files(
         deadlines: wall times of the driver.
 
     Raises:
-        InputError: a path does not exist, or a named file contains no test.
+        InputError: a path does not exist, a named file contains no test, or a named folder has scenarios and no test.
         DriverError: there is no such driver, or files record programs, which is not allowed; no run was started.
     """
-    tests = suite_of(paths)
+    named = tuple(map(Path, paths))
+    tests = suite_of(named)
+    for folder in filter(is_folder, named):
+        _refuse_scenarios_alone(folder, tests)
     if driver:
         find_driver(driver)
     else:
@@ -131,6 +143,16 @@ def verify_files(
         if why := notes.get(test.file):
             results[test] = replace(results[test], note=why)
     return tuple(results.values())
+
+
+def _refuse_scenarios_alone(folder: Path, tests: Sequence[SuiteTest]) -> None:
+    """Raise if a folder has scenarios and no test: a wrong folder. A suite may be empty, as in a new project."""
+    if any(absolute(test.file).is_relative_to(absolute(folder)) for test in tests):
+        return
+    if any(kind_of(file) == "scenario" and role_of(file) != "parent" for file in scenario_files([folder])):
+        message = "the scenarios in this folder have no expected results"
+        help = "name the folder that `foresee keep` writes, or write lines such as `expected pdm passes`"
+        raise mistake("FS132", message, help, display_path(folder))
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ DeadlineOption = Annotated[
         help="Wall time in seconds that a run may take; by default 60, plus 20 per simulated second.",
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
+OutOption = Annotated[Path, typer.Option("--out", file_okay=False, help="The folder to write into.")]
 PresetOption = Annotated[
     str,
     typer.Option("--preset", help="How clips are mutated: avoidable, focused, lawful, or paper (as the paper says)."),

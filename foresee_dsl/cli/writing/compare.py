@@ -97,29 +97,38 @@ def git_diff(
     if len(arguments) < _GIT_ARGUMENTS:
         typer.echo(f"* Unmerged path {path}")
         return
-    typer.echo(_git_diff(path, Path(arguments[1]), Path(arguments[4])), nl=False)
+    new_path = arguments[_GIT_ARGUMENTS] if len(arguments) > _GIT_ARGUMENTS else path
+    typer.echo(_git_diff(path, new_path, Path(arguments[1]), Path(arguments[4])), nl=False)
 
 
 _GIT_ARGUMENTS = 7
 """Number of arguments that git passes: a path, then a file, hash and mode of each side; for an unmerged path only the
-path (git(1))."""
+path (git(1)). For a renamed or copied file its new path and a text about the renaming follow."""
 
 
-def _git_diff(path: str, old: Path, new: Path) -> str:
+def _git_diff(path: str, new_path: str, old: Path, new: Path) -> str:
+    """Return the differences of one file below the command that prints them, which names both paths of a renamed
+    file."""
     from foresee_dsl.language.diff.compare import diff_models
     from foresee_dsl.language.diff.plain import texts
     from foresee_dsl.language.diff.rendering import render_groups
     from foresee_dsl.language.parser import load
 
     try:
-        a, b = load(old, shown_as=path).model, load(new, shown_as=path).model
+        a, b = load(old, shown_as=path).model, load(new, shown_as=new_path).model
         changes, texts_only = diff_models(a, b), texts(a, b)
     except InputError:  # added, removed, of another kind, or with errors: compare as text
-        return _text_diff(path, old, new)
-    return f"foresee diff {path}\n\n{render_groups(changes, texts_only, colour=_colour())}\n"
+        return _text_diff(path, new_path, old, new)
+    return f"{_command(path, new_path)}\n\n{render_groups(changes, texts_only, colour=_colour())}\n"
 
 
-def _text_diff(path: str, old: Path, new: Path) -> str:
+def _command(path: str, new_path: str) -> str:
+    import shlex
+
+    return shlex.join(("foresee", "diff", path, *((new_path,) if new_path != path else ())))
+
+
+def _text_diff(path: str, new_path: str, old: Path, new: Path) -> str:
     import difflib
 
     from foresee_dsl.files import read_outside
@@ -129,11 +138,11 @@ def _text_diff(path: str, old: Path, new: Path) -> str:
         try:
             text = read_outside(file, "difference").decode("utf-8", "replace") if file.is_file() else ""
         except OSError as err:
-            return f"foresee diff {path}\n* not compared: {err.strerror or err}\n"
+            return f"{_command(path, new_path)}\n* not compared: {err.strerror or err}\n"
         sides.append(text.splitlines())
     before, after = sides
-    names = (f"a/{path}" if old.is_file() else "/dev/null", f"b/{path}" if new.is_file() else "/dev/null")
-    lines = [f"foresee diff {path}", *difflib.unified_diff(before, after, *names, lineterm="")]
+    names = (f"a/{path}" if old.is_file() else "/dev/null", f"b/{new_path}" if new.is_file() else "/dev/null")
+    lines = [_command(path, new_path), *difflib.unified_diff(before, after, *names, lineterm="")]
     return "\n".join(lines) + "\n"
 
 

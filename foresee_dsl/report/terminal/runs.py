@@ -30,7 +30,7 @@ def print_case_run(console: Console, run: CaseRun, trace: Path | None) -> None:
     text = Text.assemble(f"{safe(run.case.id, WHOLE)}: ", ending(run))
     text.append(f", {safe(without_verdict(run.verdict, run.reason), WHOLE)}")
     if run.result is not None:
-        text.append(f" ({run.result.duration_s:.1f} s, {run.result.steps} steps)")
+        text.append(f" ({run.result.duration_s:.2f} s, {run.result.steps} steps)")
     console.print(text, soft_wrap=True)
     if run.result is not None:
         # Most triggers have no time to fire within a clip, so one that did not fire there means nothing.
