@@ -88,7 +88,11 @@ class Review:
         driver = f" --driver {shlex.quote(settings.driver)}" if settings.driver != "pdm" else ""
         seed = f" --seed {settings.seed}" if settings.seed else ""
         file = shlex.quote(self.file)
-        next_steps = [("watch it", f"foresee show {file}"), ("drive it", f"foresee run {file}{driver}{seed}")]
+        recorded = f"{driver}{seed}" if self.finding.clip is None else ""  # a mutant's file records them
+        next_steps = [
+            ("watch it", f"foresee show {file}{recorded}"),
+            ("drive it", f"foresee run {file}{driver}{seed}"),
+        ]
         if self.finding.clip is not None:
             out = f" --campaign {shlex.quote(str(folder))}" if folder != Path("out") else ""
             consent = " --run-programs" if is_program(settings.driver) else ""
