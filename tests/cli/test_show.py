@@ -100,6 +100,9 @@ def test_a_finding_without_a_mutation_is_driven_as_in_its_campaign(tmp_path: Pat
     review = _said(["review", "1", "--campaign", out])
     assert f"    foresee show {file} --driver idm --seed 3\n" in review
     assert f"    foresee run {file} --driver idm --seed 3\n" in review
+    trace = str(tmp_path / "out" / "traces" / "hidden_walker.npz")
+    clip = _said(["clip", trace, "--before", "2", "--after", "2", "--out", str(tmp_path)])
+    assert "\n  a campaign does not use this clip: its own run without mutation ends with F2\n" in clip
     _said(["view", "1", "--campaign", out, "--output", str(tmp_path / "view.html")])
     assert "driver idm · seed 3" in (tmp_path / "view.html").read_text(encoding="utf-8")
 

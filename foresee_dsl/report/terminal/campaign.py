@@ -38,6 +38,7 @@ from foresee_dsl.report.verdicts import (
     WHOLE,
     changed_lines,
     not_deterministic,
+    unused_clips,
     verdicts_line,
     without_verdict,
 )
@@ -253,9 +254,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         more += f", {only} broke only an expectation" if only else ""
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
         yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes or only else "")
-    if dropped := [clip for clip in result.clips if clip.dropped]:
-        of = f"{counted(sum(clip.dropped for clip in dropped), 'child', 'children')} of {counted(len(dropped), 'clip')}"
-        yield Text(f"not counted: {of} whose own run fails or strays from the parent's run")
+    yield from map(Text, unused_clips(result.clips, settings))
     if settings.in_rounds and children:
         yield Text(_allocated(result))
     length = settings.before_s + settings.after_s
