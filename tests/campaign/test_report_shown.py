@@ -24,7 +24,7 @@ from foresee_dsl.report.page.markdown import write_markdown
 from foresee_dsl.report.terminal.campaign import REPEATED, SCREEN_LINES, print_campaign, print_findings
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
-from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, Verdict
 from foresee_dsl.story.story import ContactClass, Grounds, Story
 
 PASSED = CaseRunOutcome("a.foresee::r01", "7", "a", 1.0, verdict=Verdict.PASS, reason="arrived", duration_s=10.0)
@@ -87,6 +87,34 @@ def test_clips_that_are_not_mutated_are_stated_in_every_report(tmp_path: Path) -
     assert "not mutated" not in shown(replace(result, settings=CampaignSettings(children=0)))
     two = shown(replace(result, clips=(strays, replace(strays, name="a_r01_p4", largest_m=2.0))))
     assert "\nnot mutated: 2 clips stray up to 11.32 m from their parents (0.75 m are allowed)\n" in two
+
+
+def test_broken_expectations_are_counted_in_runs_whatever_was_measured() -> None:
+    def breaking(*results: list[ExpectationResult]) -> CampaignResult:
+        child = ChildOutcome("", verdict=Verdict.PASS, reason="arrived")
+        sentences = (tuple(result.broken_sentence for result in of) for of in results)
+        children = tuple(replace(child, name=f"m{k}", broken_expectations=s) for k, s in enumerate(sentences))
+        clip = ClipOutcome(PASSED.id, name="a_r01_p1", verdict=Verdict.PASS, children=children)
+        return CampaignResult(CampaignSettings(), (PASSED,), (clip,), 1.0)
+
+    room = [ExpectationResult("expect room: always a > 1 m", held=False, value=k / 10, unit="m", decides="a > 1 m")
+            for k in range(6)]  # fmt: skip
+    arrives = ExpectationResult("expect eventually arrived(ego)", held=False)
+    others = [ExpectationResult(f"expect e{k}", held=False, margin=-2.0) for k in range(3)]
+    text = shown(breaking(*([result] for result in (*room, arrives, *others))))
+    assert (
+        "\nExpectations that do not hold, in 10 runs without another failure:\n"
+        "  does not hold: expect room: always a > 1 m\n"
+        "    m0 (0.00 m in `a > 1 m`)\n"
+        "    ... and 5 more runs\n"
+        "  does not hold: expect eventually arrived(ego)\n"
+        "    m6\n"
+        "  does not hold: expect e0\n"
+        "    m7 (by 2.00)\n"
+        "  ... and 2 more expectations in 2 more runs: campaign.json has all\n"
+    ) in text
+    text = shown(breaking([room[0], arrives, *others[:2]]))
+    assert "\n  ... and 1 more expectation: campaign.json has all\n" in text, "its run is named already"
 
 
 def test_a_suggested_command_repeats_the_store_and_the_reference_drivers_and_derives_something() -> None:

@@ -43,7 +43,7 @@ from foresee_dsl.report.verdicts import (
     without_verdict,
 )
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict, without_measured
 
 SCREEN_LINES, RESERVED_LINES = 40, 4
 """Number of lines of a screen, and number of these lines that the command needs after the report (for the page, and for
@@ -357,20 +357,26 @@ def _breaking_lines(
 
     `named`, `most`: maximum numbers of expectations, and of runs of each, that are named; None: all.
     """
-    names: dict[str, list[str]] = {}
+    measured: dict[str, dict[str, str]] = {}
     for run in breaking:
+        name = run.id if isinstance(run, CaseRunOutcome) else run.name
         for sentence in run.broken_expectations:
-            names.setdefault(sentence, []).append(run.id if isinstance(run, CaseRunOutcome) else run.name)
-    if names:
+            expectation = without_measured(sentence)
+            measured.setdefault(expectation, {})[name] = sentence.removeprefix(expectation)
+    if measured:
         runs = counted(len(breaking), "run")
         yield Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold")
-    for sentence, of in list(names.items())[:named]:
-        yield Text(f"  {safe(sentence, WHOLE)}")
-        yield from (_path("    ", name) for name in of[:most])
-        if most is not None and len(of) > most:
-            yield Text(f"    ... and {len(of) - most} more")
-    if named is not None and len(names) > named:
-        yield Text(f"  ... and {len(names) - named} more: campaign.json has all")
+    entries = list(measured.items())[:named]
+    for expectation, values in entries:
+        yield Text(f"  {safe(expectation, WHOLE)}")
+        for name, value in list(values.items())[:most]:
+            yield _path("    ", name).append(safe(value, WHOLE))
+        if most is not None and len(values) > most:
+            yield Text(f"    ... and {counted(len(values) - most, 'more run')}")
+    if more := len(measured) - len(entries):
+        others = len(breaking) - len({name for _, values in entries for name in values})
+        runs = f" in {counted(others, 'more run')}" if others else ""
+        yield Text(f"  ... and {counted(more, 'more expectation')}{runs}: campaign.json has all")
 
 
 def _changed_lines(result: CampaignResult) -> Iterator[Text]:
