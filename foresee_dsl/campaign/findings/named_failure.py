@@ -15,6 +15,7 @@ from foresee_dsl.helps import Help
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import is_file, kind_of
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,11 @@ class NamedFailure:
     def reason(self) -> str:
         """Return how its run ended; "" without a campaign."""
         return self._own.reason if self._own is not None else ""
+
+    @property
+    def breaks_only_expectation(self) -> bool:
+        """Return whether its run passed but for a broken expectation, so that it belongs to no finding."""
+        return self._own is not None and self._own.verdict is Verdict.PASS and bool(self._own.broken_expectations)
 
     def setup(self, case: TestCase) -> DriverSetup:
         """Return the driver and seed of its run. A mutant's file records them; for a test case that fails as it is
