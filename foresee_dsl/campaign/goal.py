@@ -29,6 +29,18 @@ class GoalCounts:
     others: int
 
 
+def only_expectation(name: str, reason: str, command: str) -> str:
+    """Return the message that a run which breaks only an expectation belongs to no finding, and what makes it one.
+
+    Args:
+        name: the mutant. reason: how its run ended. command: what the user asked for, such as `reviewed`.
+    """
+    return (
+        f"{name} breaks only an expectation, which is {command} only as the goal of a campaign: {reason}. `foresee "
+        "campaign PATH --goal LABEL` makes findings of the runs that break the expectation with this label"
+    )
+
+
 def with_goal(cases: Sequence[TestCase], goal: str) -> list[TestCase]:
     """Return the test cases that have an expectation of this name, with it as their goal; all of them without a goal.
 

@@ -267,6 +267,25 @@ class ChildOutcome(JudgedRun):
         return self.file if self.is_written else ""
 
 
+def why_untrusted(verdict: Verdict, largest_m: float, limit_m: float) -> str:
+    """Return, in words, why a campaign does not use a clip; "" if it does.
+
+    Args:
+        verdict, largest_m: verdict of the clip's run without mutation, and its largest deviation from the parent's run.
+        limit_m: the largest deviation that is allowed, m.
+    """
+    if verdict is not Verdict.PASS:
+        return f"its own run without mutation ends with {verdict.value}"
+    if largest_m <= limit_m:
+        return ""
+    return f"it strays {in_metres(largest_m)} from its parent's run ({limit_m:g} m are allowed)"
+
+
+def in_metres(deviation_m: float) -> str:
+    """Return a deviation in words; it is infinite if an actor of the clip could not be placed in the world."""
+    return f"{deviation_m:.2f} m" if math.isfinite(deviation_m) else "infinitely far"
+
+
 @dataclass(frozen=True)
 class ClipOutcome(RunRecord):
     """The run of one clip without mutation, and its mutants.
@@ -325,7 +344,7 @@ class ClipOutcome(RunRecord):
 
     def trusted(self, limit_m: float) -> bool:
         """Return whether the clip passes without mutation and deviates by at most `limit_m`, or was not run."""
-        return self.not_run or (self.largest_m <= limit_m and self.verdict is Verdict.PASS)
+        return self.not_run or not why_untrusted(self.verdict, self.largest_m, limit_m)
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from foresee_dsl.cli.findings import CampaignOption, check_campaign
-from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, SeedOption, json_document
+from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, json_document
 from foresee_dsl.cli.options.output import format_option, report_results
+from foresee_dsl.language.campaign_values import SEED
 from foresee_dsl.report.formats import CommandReport
 
 
@@ -74,9 +75,13 @@ def view(
         ),
     ],
     driver: Annotated[
-        str, typer.Option("--driver", help="The driver that runs it; by default the one that the file records, or pdm.")
+        str,
+        typer.Option("--driver", help="The driver that runs it; by default the recorded one, otherwise pdm."),
     ] = "",
-    seed: SeedOption = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=SEED[0], max=SEED[1], help="The seed; by default the recorded one, otherwise 0."),
+    ] = None,
     campaign: CampaignOption = Path("out"),
     output: Annotated[
         Path | None, typer.Option("--output", metavar="FILE", help="The page's file; by default out/view/NAME.html.")
@@ -96,13 +101,15 @@ def view(
     from foresee_dsl.report.page.single import write_view
 
     check_campaign(campaign, address)
+    failure = None
     if not is_file(Path(address.partition("::")[0])) and is_file(campaign / "campaign.json"):
-        address = str(find_failure(address, campaign, tests=True).file)
+        failure = find_failure(address, campaign, tests=True)
+        address = str(failure.file)
 
     def say(note: str) -> None:
         typer.echo(note, err=True)
 
-    file = write_view(address, output, driver=driver, seed=seed, allow_outside=allow_outside, say=say)
+    file = write_view(address, output, driver=driver, seed=seed, failure=failure, allow_outside=allow_outside, say=say)
     typer.echo(str(file))
     if open_:
         import webbrowser

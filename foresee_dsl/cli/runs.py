@@ -237,6 +237,8 @@ def clip(
     [dim]foresee clip runs/red_light_runner_r01.npz --rank 2 --out clips[/dim]
     """
     from foresee_dsl.campaign.driving import DriverSetup, case_name
+    from foresee_dsl.campaign.records import why_untrusted
+    from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.campaign.steps.clip import measure_clip
     from foresee_dsl.campaign.steps.forecast import clip_around
     from foresee_dsl.derive.clipping.clip import DRIVES_S
@@ -264,7 +266,7 @@ def clip(
         model = clip_around(case, loaded, point, file, before_s=before, after_s=after, handover_s=handover)
     except ValueError as err:
         raise ForeseeError(str(err)) from err
-    model, _, _, fidelity_of_clip = measure_clip(model, case, loaded, file, DriverSetup(driver, run_seed))
+    model, _, result, fidelity_of_clip = measure_clip(model, case, loaded, file, DriverSetup(driver, run_seed))
     write_whole(file, print_model(model))
     if json:
         from foresee_dsl.documents import plain
@@ -277,6 +279,9 @@ def clip(
     else:
         strays = f"fidelity {fidelity_of_clip.largest_others_m:.2f} m, of the ego {fidelity_of_clip.ego_m:.2f} m"
         typer.echo(f"{file}\n  {point.why}\n  {strays}")
+        limit_m = CampaignSettings.fidelity_limit_m
+        if why := why_untrusted(result.verdict, fidelity_of_clip.largest_m, limit_m):
+            typer.echo(f"  a campaign does not use this clip: {why}")
 
 
 def mutate(

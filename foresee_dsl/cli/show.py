@@ -55,13 +55,12 @@ def show(
         ),
     ],
     driver: Annotated[
-        str, typer.Option("--driver", help="The driver; by default the one that a mutant records, otherwise pdm.")
+        str,
+        typer.Option("--driver", help="The driver; by default the recorded one (mutant, finding), otherwise pdm."),
     ] = "",
     seed: Annotated[
         int | None,
-        typer.Option(
-            "--seed", min=SEED[0], max=SEED[1], help="The seed; by default the one that a mutant records, otherwise 0."
-        ),
+        typer.Option("--seed", min=SEED[0], max=SEED[1], help="The seed; by default the recorded one, otherwise 0."),
     ] = None,
     campaign: Annotated[
         Path,

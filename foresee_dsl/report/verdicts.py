@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rich.text import Text
 
+from foresee_dsl.campaign.records import ClipOutcome, in_metres
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.report.safe_text import counted, safe
 from foresee_dsl.simulate.results.infraction import Infraction
 from foresee_dsl.simulate.results.verdict import EXPECTATION, DriverNotes, RunRecord, UnfiredTrigger, Verdict
@@ -81,6 +83,25 @@ def not_deterministic(driver: str, rates: Sequence[str]) -> str:
         f"{driver} is not deterministic: {differing} of {counted(len(rates), 'finding')} ended differently in another "
         "process; k/n says how many runs fail"
     )
+
+
+def unused_clips(clips: Iterable[ClipOutcome], settings: CampaignSettings) -> Iterator[str]:
+    """Yield which clips were not mutated and why, and how many children do not count because of their clip."""
+    limit_m = settings.fidelity_limit_m
+    untrusted = [clip for clip in clips if not clip.trusted(limit_m)]
+    without = [clip for clip in untrusted if not clip.dropped] if settings.children else []
+    parts = []
+    if failing := [clip for clip in without if clip.verdict is not Verdict.PASS]:
+        parts.append(f"{counted(len(failing), 'clip does', 'clips do')} not pass without mutation")
+    if straying := [clip.largest_m for clip in without if clip.verdict is Verdict.PASS]:
+        strays, parent = ("clip strays", "its parent") if len(straying) == 1 else ("clips stray up to", "their parents")
+        strays_m = f"{len(straying)} {strays} {in_metres(max(straying))} from {parent}"
+        parts.append(f"{strays_m} ({limit_m:g} m are allowed)")
+    if parts:
+        yield f"not mutated: {'; '.join(parts)}"
+    if dropped := [clip for clip in untrusted if clip.dropped]:
+        of = f"{counted(sum(clip.dropped for clip in dropped), 'child', 'children')} of {counted(len(dropped), 'clip')}"
+        yield f"not counted: {of} whose own run fails or strays from the parent's run"
 
 
 _NEVER = "  never   "

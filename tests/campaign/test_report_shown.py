@@ -11,16 +11,20 @@ import pytest
 from rich.console import Console
 
 from foresee_dsl.avoidance.responsibility import Whose
+from foresee_dsl.campaign.folder import as_text, campaign_document
 from foresee_dsl.campaign.grouping import TELLING_WORDS, TITLE_WORDS
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings, Shard
 from foresee_dsl.campaign.written import JSON, WrittenCampaign
 from foresee_dsl.drivers.registry import reference_drivers
+from foresee_dsl.report.page.html import write_report
+from foresee_dsl.report.page.markdown import as_text as page_as_text
+from foresee_dsl.report.page.markdown import write_markdown
 from foresee_dsl.report.terminal.campaign import REPEATED, SCREEN_LINES, print_campaign, print_findings
 from foresee_dsl.report.terminal.findings_table import FindingRow, table_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
-from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, Verdict
 from foresee_dsl.story.story import ContactClass, Grounds, Story
 
 PASSED = CaseRunOutcome("a.foresee::r01", "7", "a", 1.0, verdict=Verdict.PASS, reason="arrived", duration_s=10.0)
@@ -63,6 +67,54 @@ def test_without_failures_it_tells_the_nearest_misses_and_what_to_try_next() -> 
     chosen = f"{chosen} --allocation stories --risky-points 2"
     assert f"{begins} --ranker exhaustive --preset lawful {chosen}   # other moments" in text
     assert f"{begins} --preset paper {chosen} --repeat 2   # other mutations" in text
+
+
+def test_clips_that_are_not_mutated_are_stated_in_every_report(tmp_path: Path) -> None:
+    strays = ClipOutcome(PASSED.id, name="a_r01_p1", verdict=Verdict.PASS, largest_m=11.32)
+    fails = replace(strays, name="a_r01_p2", verdict=Verdict.F2, largest_m=0.0)
+    fine = replace(strays, name="a_r01_p3", largest_m=0.75)
+    result = CampaignResult(CampaignSettings(), (PASSED,), (strays, fails, fine), 1.0)
+    why = "1 clip does not pass without mutation; 1 clip strays 11.32 m from its parent (0.75 m are allowed)"
+    line = f"not mutated: {why}"
+    assert f"\n{line}\n" in shown(result)
+    (tmp_path / JSON).write_text(as_text(campaign_document(result)))
+    write_report([tmp_path], tmp_path / "report.html")
+    contents = write_markdown([tmp_path], tmp_path / "report.md")
+    assert f"\n{line}.\n" in page_as_text(contents)
+    for page in ("report.html", "report.md"):
+        assert line.partition(";")[0] in (tmp_path / page).read_text(encoding="utf-8")
+    assert "not mutated" not in shown(replace(result, clips=(fine,)))
+    assert "not mutated" not in shown(replace(result, settings=CampaignSettings(children=0)))
+    two = shown(replace(result, clips=(strays, replace(strays, name="a_r01_p4", largest_m=2.0))))
+    assert "\nnot mutated: 2 clips stray up to 11.32 m from their parents (0.75 m are allowed)\n" in two
+
+
+def test_broken_expectations_are_counted_in_runs_whatever_was_measured() -> None:
+    def breaking(*results: list[ExpectationResult]) -> CampaignResult:
+        child = ChildOutcome("", verdict=Verdict.PASS, reason="arrived")
+        sentences = (tuple(result.broken_sentence for result in of) for of in results)
+        children = tuple(replace(child, name=f"m{k}", broken_expectations=s) for k, s in enumerate(sentences))
+        clip = ClipOutcome(PASSED.id, name="a_r01_p1", verdict=Verdict.PASS, children=children)
+        return CampaignResult(CampaignSettings(), (PASSED,), (clip,), 1.0)
+
+    room = [ExpectationResult("expect room: always a > 1 m", held=False, value=k / 10, unit="m", decides="a > 1 m")
+            for k in range(6)]  # fmt: skip
+    arrives = ExpectationResult("expect eventually arrived(ego)", held=False)
+    others = [ExpectationResult(f"expect e{k}", held=False, margin=-2.0) for k in range(3)]
+    text = shown(breaking(*([result] for result in (*room, arrives, *others))))
+    assert (
+        "\nExpectations that do not hold, in 10 runs without another failure:\n"
+        "  does not hold: expect room: always a > 1 m\n"
+        "    m0 (0.00 m in `a > 1 m`)\n"
+        "    ... and 5 more runs\n"
+        "  does not hold: expect eventually arrived(ego)\n"
+        "    m6\n"
+        "  does not hold: expect e0\n"
+        "    m7 (by 2.00)\n"
+        "  ... and 2 more expectations in 2 more runs: campaign.json has all\n"
+    ) in text
+    text = shown(breaking([room[0], arrives, *others[:2]]))
+    assert "\n  ... and 1 more expectation: campaign.json has all\n" in text, "its run is named already"
 
 
 def test_a_suggested_command_repeats_the_store_and_the_reference_drivers_and_derives_something() -> None:

@@ -15,6 +15,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.simulate.results.verdict import Verdict
 from tests.cli.test_ci import run_pytest
 from tests.support.first_project import checked, foresee
+from tests.support.hidden_walker import TEXT
 
 SCENE = """foresee 1
 
@@ -98,15 +99,39 @@ def test_a_campaign_says_it_in_report_data_junit_and_page(scene: Path) -> None:
     assert compared["rows"][0]["base_failed"] == 1, compared
 
 
+def test_a_mutant_that_breaks_only_an_expectation_is_kept_and_expected_to_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = TEXT.replace("< 32 m", "< 12 m")
+    Path("w.foresee").write_text(text.replace("  end after", "  expect slow: always ego.speed < 5 km/h\n  end after"))
+    foresee("run", "w.foresee", "--driver", "idm", "--out", "runs", expect=1)
+    foresee("clip", "runs/hidden_walker.npz", "--before", "2", "--after", "2", "--out", "clips")
+    options = ("--driver", "idm", "--children", "1", "--exit-zero")
+    foresee("mutate", "clips/hidden_walker_p1.foresee", *options, "--out", "mutants")
+    (mutant,) = Path("mutants").glob("*_m1.foresee")
+    assert '    found "does not hold: expect slow: always ego.speed < 5 km/h (' in mutant.read_text()
+    assert "1 as expected" in foresee("verify", "mutants", "--jobs", "1").stdout
+    foresee("keep", mutant, "--to", "kept")
+    assert "\n  expected idm fails\n" in (Path("kept") / mutant.name).read_text()
+    assert "1 as expected" in foresee("verify", "kept", "--jobs", "1").stdout
+    refused = str(foresee("minimise", mutant, expect=1).exception)
+    assert f"{mutant.stem} breaks only an expectation, which is minimised only as the goal of a campaign" in refused
+
+
 def test_mutants_that_break_only_an_expectation_are_named_by_review_page_and_markdown(tmp_path: Path) -> None:
     case = CaseRunOutcome("a.foresee::r01", "7", "a", 1.0, verdict=Verdict.PASS, reason="arrived", duration_s=10.0)
     child = ChildOutcome("a_r01_p1_m1", verdict=Verdict.PASS, reason="arrived", broken_expectations=("room > 1 m",))
+    child = replace(child, file="m1.foresee")
     children = (child, *(replace(child, name=f"a_r01_p1_m{k}") for k in range(2, 131)))
     clip = ClipOutcome(case.id, name="a_r01_p1", verdict=Verdict.PASS, reason="arrived", children=children)
     out = tmp_path / "out"
     out.mkdir()
     result = CampaignResult(CampaignSettings(), (case,), (clip,), 1.0)
     (out / "campaign.json").write_text(as_text(campaign_document(result)))
+    refused = str(foresee("review", child.name, "--campaign", out, expect=1).exception)
+    assert f"{child.name} breaks only an expectation, which is reviewed only as the goal of a campaign" in refused
+    assert "foresee campaign PATH --goal LABEL" in refused
     listed = foresee("review", "--campaign", out).stdout
     head = "no findings\n\nExpectations that do not hold, in 130 runs without another failure:\n  room > 1 m\n"
     assert listed == head + "".join(f"    {one.name}\n" for one in children)

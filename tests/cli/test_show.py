@@ -87,6 +87,26 @@ def test_a_forced_picture_is_sent_in_the_terminal_s_words(project: Path) -> None
     assert "█▲" not in text
 
 
+def test_a_finding_without_a_mutation_is_driven_as_in_its_campaign(tmp_path: Path) -> None:
+    file, out = str(tmp_path / "hidden_walker.foresee"), str(tmp_path / "out")
+    Path(file).write_text(TEXT.replace("< 32 m", "< 28 m"))
+    options = ["--driver", "idm", "--seed", "3", "--children", "0", "--against", "none", "--jobs", "1"]
+    _said(["campaign", file, *options, "--quiet", "--exit-zero", "--out", out])
+    for finding in ("1", "hidden_walker"):
+        text = _said(["show", finding, "--campaign", out])
+        assert "\nF2 collision with walker" in text and "\ndriver idm 1, seed 3, from " in text
+    assert "\ndriver idm 1, seed 3\n" in _said(["show", "1", "--campaign", out, "--fresh"])
+    assert "\ndriver idm 1, seed 4\n" in _said(["show", "1", "--campaign", out, "--seed", "4"])
+    review = _said(["review", "1", "--campaign", out])
+    assert f"    foresee show {file} --driver idm --seed 3\n" in review
+    assert f"    foresee run {file} --driver idm --seed 3\n" in review
+    trace = str(tmp_path / "out" / "traces" / "hidden_walker.npz")
+    clip = _said(["clip", trace, "--before", "2", "--after", "2", "--out", str(tmp_path)])
+    assert "\n  a campaign does not use this clip: its own run without mutation ends with F2\n" in clip
+    _said(["view", "1", "--campaign", out, "--output", str(tmp_path / "view.html")])
+    assert "driver idm · seed 3" in (tmp_path / "view.html").read_text(encoding="utf-8")
+
+
 def test_a_name_that_is_nothing_is_explained(project: Path) -> None:
     result = CliRunner().invoke(app, ["show", "no_such_finding", "--campaign", str(project / "nothing")])
     assert result.exit_code != 0

@@ -93,6 +93,9 @@ def test_a_mutant_without_a_line_is_expected_to_fail_as_found() -> None:
     assert recorded_in(model.origin) == FAILS
     assert expected_in((), None, names_of("pdm", "9"), model.origin) == FAILS
     assert expected_in((), None, names_of("idm", "1"), model.origin) is None
+    broken = m.Origin(driver="pdm 2", found="does not hold: expect room: always a > 1 m; arrived at 3.00 s")
+    assert in_words(expected_in((), None, names_of("pdm", "9"), broken)) == "fails"
+    assert expected_in((), None, names_of("pdm", "9"), m.Origin(driver="pdm 2", found="arrived at 3.00 s")) is None
 
 
 @pytest.mark.parametrize(

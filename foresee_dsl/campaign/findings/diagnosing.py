@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.avoidance.causes import Diagnosis, diagnosed
-from foresee_dsl.campaign.driving import DriverSetup, recorded_setup
+from foresee_dsl.campaign.driving import DriverSetup
 from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.workers.pool import BrokenTask, Task, WorkerPool
@@ -106,11 +106,9 @@ def _of_finding(wanted: NamedFailure, driver: str, seed: int | None, *, run_prog
     file = wanted.minimised or wanted.file
     case = load_test_case(str(file))
     settings = wanted.campaign.settings if wanted.campaign is not None else CampaignSettings()
-    setup = DriverSetup(settings.driver, settings.seed)
+    setup = wanted.setup(case)
     if case.mutant is None:
         case = replace(case, goal=settings.goal)  # a mutant's file states its goal
-    else:
-        setup = recorded_setup(case)
     if not driver:
         instead = "--run-programs starts it; --driver chooses another driver"
         refuse_programs([(setup.driver, Path(file))], instead, unless=run_programs)

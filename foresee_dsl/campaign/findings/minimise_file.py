@@ -9,6 +9,7 @@ from typing import Self
 from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import DriverSetup, recorded_setup, relative_path
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
+from foresee_dsl.campaign.goal import only_expectation
 from foresee_dsl.campaign.keys import judged_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -30,6 +31,7 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.addresses import relative_to
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 def minimise_file(
@@ -164,9 +166,12 @@ class Texts:
 
 
 def _checked(result: Minimised) -> Minimised:
-    if not result.child.verdict.is_failure:
+    child = result.child
+    if child.verdict is Verdict.PASS and child.broken_expectations:
+        raise CannotMinimiseError(only_expectation(child.name, child.reason, "minimised"))
+    if not child.verdict.is_failure:
         raise CannotMinimiseError(
-            f"{result.child.name} does not fail with this driver: {result.child.reason}. There is no failure to "
+            f"{child.name} does not fail with this driver: {child.reason}. There is no failure to "
             "keep, so nothing is minimised"
         )
     return result

@@ -6,13 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from foresee_dsl.campaign.driving import DriverSetup, recorded_setup
 from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
 from foresee_dsl.campaign.written import JSON, WrittenCampaign, read_campaign_file
 from foresee_dsl.errors import ForeseeError, with_article
 from foresee_dsl.files import absolute
 from foresee_dsl.helps import Help
+from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.addresses import is_file, kind_of
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,22 @@ class NamedFailure:
     def reason(self) -> str:
         """Return how its run ended; "" without a campaign."""
         return self._own.reason if self._own is not None else ""
+
+    @property
+    def breaks_only_expectation(self) -> bool:
+        """Return whether its run passed but for a broken expectation, so that it belongs to no finding."""
+        return self._own is not None and self._own.verdict is Verdict.PASS and bool(self._own.broken_expectations)
+
+    def setup(self, case: TestCase) -> DriverSetup:
+        """Return the driver and seed of its run. A mutant's file records them; for a test case that fails as it is
+        written they are those of the campaign.
+
+        Args:
+            case: its loaded file.
+        """
+        if case.mutant is not None or self.campaign is None:
+            return recorded_setup(case)
+        return DriverSetup(self.campaign.settings.driver, self.campaign.settings.seed)
 
     @property
     def _own(self) -> JudgedRun | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from foresee_dsl.campaign.findings.diagnosing import diagnosis_of
 from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.findings.sureness import Sureness, sureness_of
+from foresee_dsl.campaign.goal import only_expectation
 from foresee_dsl.campaign.records import ChildOutcome, WrittenFinding
 from foresee_dsl.campaign.triage.standing import standing_of_written
 from foresee_dsl.campaign.written import WrittenCampaign
@@ -88,7 +89,11 @@ class Review:
         driver = f" --driver {shlex.quote(settings.driver)}" if settings.driver != "pdm" else ""
         seed = f" --seed {settings.seed}" if settings.seed else ""
         file = shlex.quote(self.file)
-        next_steps = [("watch it", f"foresee show {file}"), ("drive it", f"foresee run {file}{driver}{seed}")]
+        recorded = f"{driver}{seed}" if self.finding.clip is None else ""  # a mutant's file records them
+        next_steps = [
+            ("watch it", f"foresee show {file}{recorded}"),
+            ("drive it", f"foresee run {file}{driver}{seed}"),
+        ]
         if self.finding.clip is not None:
             out = f" --campaign {shlex.quote(str(folder))}" if folder != Path("out") else ""
             consent = " --run-programs" if is_program(settings.driver) else ""
@@ -110,6 +115,8 @@ def review_of(wanted: NamedFailure) -> Review:
         ForeseeError: no campaign has such a finding.
     """
     campaign, finding = wanted.campaign, wanted.finding
+    if wanted.breaks_only_expectation and finding is None:
+        raise ForeseeError(only_expectation(wanted.name, wanted.reason, "reviewed"))
     if campaign is None or finding is None:
         raise ForeseeError(
             f"{wanted.file} does not belong to a finding of a campaign: `foresee minimise` shows where it fails"

@@ -10,7 +10,7 @@ from typing import get_args
 from foresee_dsl.drivers.registry import recorded_address, recorded_driver
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.scenario import FailureName
-from foresee_dsl.simulate.results.verdict import RunRecord, Verdict
+from foresee_dsl.simulate.results.verdict import DOES_NOT_HOLD, RunRecord, Verdict
 
 DRIVER = "pdm"
 """Driver of a test case that names none."""
@@ -156,7 +156,11 @@ def recorded_in(origin: m.Origin | None) -> m.Expected | None:
 
 
 def recorded_end(reason: str) -> RunRecord | None:
-    """Return the verdict and the other actor of a recorded sentence; None if it is not that of a failure."""
+    """Return the verdict and the other actor of a recorded sentence, or the expectation that it breaks; None if it is
+    not that of a failure.
+    """
+    if reason.startswith(DOES_NOT_HOLD):
+        return RunRecord(verdict=Verdict.PASS, broken_expectations=(reason,))
     word = re.split(r"\W", reason, maxsplit=1)[0]
     if word not in (*get_args(FailureName), Verdict.GOAL.value):
         return None

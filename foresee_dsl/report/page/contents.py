@@ -23,7 +23,7 @@ from foresee_dsl.report.page.entries import FindingEntry, ReportedCampaign, case
 from foresee_dsl.report.page.runs import FailingRun, Reader
 from foresee_dsl.report.page.tables import Table, breaking_children, ended, numbers, overview
 from foresee_dsl.report.safe_text import counted
-from foresee_dsl.report.verdicts import not_deterministic
+from foresee_dsl.report.verdicts import not_deterministic, unused_clips
 from foresee_dsl.simulate.results.verdict import EXPECTATION, FAILURES, Verdict
 
 MOST_RUNS = 25
@@ -170,6 +170,8 @@ def _notes(source: ReportedCampaign) -> Iterator[str]:
             f"The campaign searched the expectation `{goal.name}`: {counted(goal.children, 'child', 'children')} and "
             f"{counted(goal.findings, 'finding')} break it{others}."
         )
+    of = f"{', '.join(source.name)}: " if source.name else ""
+    yield from (f"{of}{line}." for line in unused_clips(campaign.clip_runs, campaign.settings))
     yield from source.standing.notes
 
 

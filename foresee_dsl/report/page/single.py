@@ -8,7 +8,8 @@ from pathlib import Path
 
 from foresee_dsl.avoidance.anticipating import Answer, Anticipation
 from foresee_dsl.avoidance.r157.assessing import Preventability, Preventable
-from foresee_dsl.campaign.driving import case_name, recorded_setup, run_test_case
+from foresee_dsl.campaign.driving import DriverSetup, case_name, recorded_setup, run_test_case
+from foresee_dsl.campaign.findings.named_failure import NamedFailure
 from foresee_dsl.campaign.records import JudgedRun, WrittenFinding
 from foresee_dsl.drivers.consent import may_start, without_parent
 from foresee_dsl.errors import DriverError, ForeseeError
@@ -33,7 +34,8 @@ def write_view(
     file: Path | None = None,
     *,
     driver: str = "",
-    seed: int = 0,
+    seed: int | None = None,
+    failure: NamedFailure | None = None,
     allow_outside: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> Path:
@@ -41,7 +43,9 @@ def write_view(
 
     Args:
         address: a test case, clip or mutant, or a trace's file.
-        driver: driver of the run; "" for the recorded driver, or `pdm`.
+        driver: driver of the run; "" for the recorded driver, or `pdm`. seed: None for the recorded seed, or 0.
+        failure: the failure of a campaign whose run it is; the campaign's settings stand for what its file does not
+            record.
         say: function that is called with a note if a trace's parent is not shown because its driver is a program.
 
     Raises:
@@ -55,7 +59,9 @@ def write_view(
         seed = int(trace.meta.get("seed", 0))
     else:
         case = load_test_case(address, allow_outside=allow_outside)
-        driver = driver or _recorded_driver(case)
+        recorded = failure.setup(case) if failure is not None else recorded_setup(case)
+        driver = driver or _consented(case, recorded)
+        seed = recorded.seed if seed is None else seed
         trace = run_test_case(case, driver, seed).trace
     origin = case.mutant.origin if case.mutant is not None else None
     careful = next((answer for answer in Preventable if origin and answer.origin == origin.preventable), None)
@@ -101,16 +107,18 @@ def _trace(file: Path) -> Trace:
         raise ForeseeError(str(err)) from err
 
 
-def _recorded_driver(case: TestCase) -> str:
-    """Return the driver that a mutant's file records; without a record, the default driver.
+def _consented(case: TestCase, recorded: DriverSetup) -> str:
+    """Return the recorded driver of a test case.
 
     Raises:
-        DriverError: the file records a program, which is not started only to view the file.
+        DriverError: it is a program, which is not started only to view the file.
     """
-    driver = recorded_setup(case).driver
-    if ":" in driver:
-        raise DriverError(f"{case.id} records a program as its driver ({driver}): `--driver '{driver}'` starts it")
-    return driver
+    if ":" in recorded.driver:
+        raise DriverError(
+            f"{case.id} was recorded with a program as its driver ({recorded.driver}): `--driver '{recorded.driver}'` "
+            "starts it"
+        )
+    return recorded.driver
 
 
 def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:

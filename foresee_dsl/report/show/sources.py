@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.campaign.driving import case_name, recorded_setup, run_test_case, sensors_of
-from foresee_dsl.campaign.findings.named_failure import find_failure
+from foresee_dsl.campaign.findings.named_failure import NamedFailure, find_failure
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.consent import may_start, without_parent
@@ -66,7 +66,8 @@ class RunRequest:
     """The options of `foresee show`.
 
     Attributes:
-        driver: name of the driver; "" for the recorded driver, else `pdm`. seed: None for the recorded seed, else 0.
+        driver: name of the driver; "" for the recorded driver or, for a failure of a campaign whose file records none,
+            for the campaign's driver; else `pdm`. seed: likewise; None for the recorded one, else 0.
         campaign: the campaign's folder. allow_outside: whether files may use others outside the project. fresh: whether
             to simulate even if there is a stored trace. full: whether to show the mutant of a finding as it was before
             it was minimised.
@@ -91,14 +92,20 @@ def find(target: str, request: RunRequest) -> ShownRun:
         return _of_trace(Path(target), request)
     file, _ = parse_address(target)
     if not is_file(file) and "::" not in target and "/" not in target and not target.endswith(".foresee"):
-        target = _file_of_finding(target, request)
+        failure = find_failure(target, request.campaign, tests=True)
+        # If the finding was minimised, its minimised mutant is shown.
+        file = (not request.full and failure.minimised) or failure.file
+        return of_address(file.as_posix(), request, failure)
     return of_address(target, request)
 
 
-def of_address(address: str, request: RunRequest) -> ShownRun:
-    """Return the run of a test case, a clip or a mutant: the stored run if it is up to date, else a new one."""
+def of_address(address: str, request: RunRequest, failure: NamedFailure | None = None) -> ShownRun:
+    """Return the run of a test case, a clip or a mutant: the stored run if it is up to date, else a new one.
+
+    `failure`: the failure of a campaign whose run it is.
+    """
     case = load_test_case(address, allow_outside=request.allow_outside)
-    recorded = recorded_setup(case)
+    recorded = failure.setup(case) if failure is not None else recorded_setup(case)
     driver, seed = request.driver or recorded.driver, recorded.seed if request.seed is None else request.seed
     if not request.fresh:
         for file in _stored(case, request):
@@ -201,14 +208,6 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
 
     version = load_driver(driver).version if may_start(driver) else ""
     return meta.get("tool") == __version__ and version in ("", meta.get("driver_version"))
-
-
-def _file_of_finding(name: str, request: RunRequest) -> str:
-    """Return the address of a finding, or of another failure of a campaign; if the finding was minimised, that of the
-    minimised mutant.
-    """
-    finding = find_failure(name, request.campaign, tests=True)
-    return ((not request.full and finding.minimised) or finding.file).as_posix()
 
 
 def _relative(address: str) -> str:

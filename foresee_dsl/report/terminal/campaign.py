@@ -38,11 +38,12 @@ from foresee_dsl.report.verdicts import (
     WHOLE,
     changed_lines,
     not_deterministic,
+    unused_clips,
     verdicts_line,
     without_verdict,
 )
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict, without_measured
 
 SCREEN_LINES, RESERVED_LINES = 40, 4
 """Number of lines of a screen, and number of these lines that the command needs after the report (for the page, and for
@@ -253,9 +254,7 @@ def _summary(result: CampaignResult, findings: Sequence[Finding]) -> Iterator[Te
         more += f", {only} broke only an expectation" if only else ""
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
         yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes or only else "")
-    if dropped := [clip for clip in result.clips if clip.dropped]:
-        of = f"{counted(sum(clip.dropped for clip in dropped), 'child', 'children')} of {counted(len(dropped), 'clip')}"
-        yield Text(f"not counted: {of} whose own run fails or strays from the parent's run")
+    yield from map(Text, unused_clips(result.clips, settings))
     if settings.in_rounds and children:
         yield Text(_allocated(result))
     length = settings.before_s + settings.after_s
@@ -358,20 +357,26 @@ def _breaking_lines(
 
     `named`, `most`: maximum numbers of expectations, and of runs of each, that are named; None: all.
     """
-    names: dict[str, list[str]] = {}
+    measured: dict[str, dict[str, str]] = {}
     for run in breaking:
+        name = run.id if isinstance(run, CaseRunOutcome) else run.name
         for sentence in run.broken_expectations:
-            names.setdefault(sentence, []).append(run.id if isinstance(run, CaseRunOutcome) else run.name)
-    if names:
+            expectation = without_measured(sentence)
+            measured.setdefault(expectation, {})[name] = sentence.removeprefix(expectation)
+    if measured:
         runs = counted(len(breaking), "run")
         yield Text(f"\nExpectations that do not hold, in {runs} without another failure:", style="bold")
-    for sentence, of in list(names.items())[:named]:
-        yield Text(f"  {safe(sentence, WHOLE)}")
-        yield from (_path("    ", name) for name in of[:most])
-        if most is not None and len(of) > most:
-            yield Text(f"    ... and {len(of) - most} more")
-    if named is not None and len(names) > named:
-        yield Text(f"  ... and {len(names) - named} more: campaign.json has all")
+    entries = list(measured.items())[:named]
+    for expectation, values in entries:
+        yield Text(f"  {safe(expectation, WHOLE)}")
+        for name, value in list(values.items())[:most]:
+            yield _path("    ", name).append(safe(value, WHOLE))
+        if most is not None and len(values) > most:
+            yield Text(f"    ... and {counted(len(values) - most, 'more run')}")
+    if more := len(measured) - len(entries):
+        others = len(breaking) - len({name for _, values in entries for name in values})
+        runs = f" in {counted(others, 'more run')}" if others else ""
+        yield Text(f"  ... and {counted(more, 'more expectation')}{runs}: campaign.json has all")
 
 
 def _changed_lines(result: CampaignResult) -> Iterator[Text]:

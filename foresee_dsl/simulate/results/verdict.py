@@ -4,6 +4,7 @@ of runs share: those of test cases, clips and mutants."""
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -145,6 +146,18 @@ FAILURES: tuple[Verdict, ...] = tuple(
 campaigns with a goal."""
 
 
+DOES_NOT_HOLD = "does not hold: "
+"""How the reason of a run that breaks an expectation begins."""
+_VALUE = r"-?(?:\d+\.\d\d|inf|nan)(?: \S+)?"
+_MEASURED = re.compile(rf" \((?:by {_VALUE}|{_VALUE} in `[^`]*`)\)$")
+"""Matches the measured value at the end of such a reason: ` (0.51 m in `distance(ego, walker) > 0.6 m`)`."""
+
+
+def without_measured(broken_sentence: str) -> str:
+    """Return the sentence of a broken expectation without the measured value: equal for all runs that break it."""
+    return _MEASURED.sub("", broken_sentence)
+
+
 @dataclass(frozen=True)
 class ExpectationResult:
     """The result of one `expect` line.
@@ -174,7 +187,7 @@ class ExpectationResult:
             measured = f" ({self.value:.2f} {self.unit}".rstrip() + f" in `{self.decides}`)"
         elif self.margin is not None:
             measured = f" (by {-self.margin:.2f} {self.unit}".rstrip() + ")"
-        return f"does not hold: {self.text}{measured}"
+        return f"{DOES_NOT_HOLD}{self.text}{measured}"
 
 
 @dataclass(frozen=True)
