@@ -184,15 +184,8 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(replace(finding, number=k + 1, title=titles[k]) for k, finding in enumerate(ordered))
 
 
-TITLE_WORDS, TELLING_WORDS, CASE_WORDS = 12, 6, 4
-"""Maximum number of words of a title, of its beginning by which a reader tells titles apart, and of a test case's name
-within it.
-"""
-_NOT_LAST = frozenset((
-    "a", "after", "an", "and", "at", "before", "behind", "by", "for", "from", "in", "of", "on", "or", "out", "over",
-    "the", "to", "under", "with", "without",
-))  # fmt: skip
-"""Words with which the shortened name of a test case does not end."""
+TELLING_WORDS = 6
+"""Maximum number of words of a title's beginning, by which a reader tells titles apart."""
 
 
 def _titles(findings: Sequence[Finding]) -> list[str]:
@@ -200,8 +193,7 @@ def _titles(findings: Sequence[Finding]) -> list[str]:
     stories = [finding.story.title for finding in findings]
     ways = (
         stories,
-        [f"{_case_words(f, s)}: {s}" for f, s in zip(findings, stories, strict=True)],
-        [f"{f.name.rpartition('_p')[2]} {_case_words(f, s)}: {s}" for f, s in zip(findings, stories, strict=True)],
+        [f"{_case_name(f)}: {s}" for f, s in zip(findings, stories, strict=True)],
         [f"{f.name}: {s}" for f, s in zip(findings, stories, strict=True)],
     )
     titles = [""] * len(findings)
@@ -217,14 +209,10 @@ def _beginning(title: str) -> tuple[str, ...]:
     return tuple(title.lower().split()[:TELLING_WORDS])
 
 
-def _case_words(finding: Finding, story: str) -> str:
-    """Return the name of a finding's test case, or of its file, shortened so that it and the story fit into a title."""
+def _case_name(finding: Finding) -> str:
+    """Return the name of a finding's test case, or of its file, as it is written."""
     path, _, case = finding.test_case.partition("::")
-    words = (case or PurePosixPath(path).stem).replace("_", " ").split()
-    room = max(1, min(CASE_WORDS, TITLE_WORDS - 1 - len(story.split())))
-    while len(words) > room or (len(words) > 1 and words[-1] in _NOT_LAST):
-        words.pop()
-    return " ".join(words)
+    return case or PurePosixPath(path).stem
 
 
 def _joined(group: list[Finding]) -> Finding:

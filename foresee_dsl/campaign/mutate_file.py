@@ -15,6 +15,7 @@ from foresee_dsl.campaign.written import JSON
 from foresee_dsl.derive import presets
 from foresee_dsl.derive.mutate import UNPROMISING, mutate
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import read_outside
 from foresee_dsl.language.project.addresses import kind_of, parse_address
 from foresee_dsl.language.project.loading import load_test_case
 
@@ -72,7 +73,7 @@ def _refuse_others(outcomes: Sequence[ChildOutcome]) -> None:
 
 
 def _has_other_text(file: Path, text: str) -> bool:
-    return file.exists() and not (file.is_file() and file.read_bytes() == text.encode())
+    return file.exists() and not (file.is_file() and read_outside(file) == text.encode())
 
 
 def _campaign_of(folder: Path) -> Path | None:

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from foresee_dsl.avoidance.responsibility import Whose
 from foresee_dsl.campaign.folder import as_text, campaign_document
-from foresee_dsl.campaign.grouping import TELLING_WORDS, TITLE_WORDS
+from foresee_dsl.campaign.grouping import TELLING_WORDS
 from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings, Shard
@@ -214,8 +214,17 @@ def test_many_findings_fit_one_screen_in_order() -> None:
 
 def test_titles_are_short_and_differ_in_their_first_words() -> None:
     titles = [finding.title for finding in CampaignResult(CampaignSettings(), MANY, (), 1.0).findings]
-    assert all(len(title.split()) <= TITLE_WORDS for title in titles)
+    assert all(len(title.split()) <= 12 for title in titles)
     assert len({tuple(title.split()[:TELLING_WORDS]) for title in titles}) == len(titles)
+
+
+def test_titles_that_begin_alike_get_the_name_of_the_case_as_it_is_written() -> None:
+    result = CampaignResult(CampaignSettings(), MANY, (), 1.0)
+    told = [(f.title.partition(": ")[0], f) for f in result.findings if f.title != f.story.title]
+    assert told
+    for name, finding in told:
+        path, _, case = finding.test_case.partition("::")
+        assert name in (case or Path(path).stem, finding.name)
 
 
 def test_all_findings_can_be_listed() -> None:
