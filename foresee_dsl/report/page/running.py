@@ -8,28 +8,22 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
-from foresee_dsl.campaign.records import CaseRunOutcome, ChildOutcome, decode
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import StoredResult
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.page.html import hash_of, page_style, page_templates
-from foresee_dsl.report.terminal.live import RUNS, TITLES, Figures
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.report.terminal.live import TITLES, Figures
+from foresee_dsl.simulate.results.verdict import DOES_NOT_HOLD, Verdict
 
 EVERY_S = 10.0
 """Interval at which the page is written, and at which it loads itself again, s. Ours: writing takes 5 ms."""
 MOST_LISTED = 100
 """Maximum number of failures that are listed; the latest come first. Ours: a few screens."""
 _FAILING = frozenset(verdict.value for verdict in Verdict if verdict.is_failure)
-
-_RECORDS = MappingProxyType({step.kind: step.record for step in RUNS if step.kind in ("seed", "child")})
-"""The records of the runs that are listed, by the kind of their step."""
 
 
 class RunningPage(Figures):
@@ -61,10 +55,9 @@ class RunningPage(Figures):
     def done(self, row: StoredResult, *, new: bool = True) -> None:
         """Count a finished run, and list it if it failed or broke an expectation."""
         super().done(row, new=new)
-        if row.kind in _RECORDS and row.verdict in _FAILING:
+        fails = row.verdict in _FAILING or row.reason.startswith(DOES_NOT_HOLD)
+        if row.kind in ("seed", "child") and fails:
             self._listed.appendleft(row)
-        elif row.kind in _RECORDS and (broken := _broken(row)):
-            self._listed.appendleft(replace(row, reason="; ".join(broken)))
         self._write()
 
     def text(self) -> str:
@@ -95,14 +88,3 @@ class RunningPage(Figures):
         self._written_s = self._clock()
         with suppress(OSError):  # a full disk does not end the campaign here: its own files say so
             write_whole(self._file, self.text())
-
-
-def _broken(row: StoredResult) -> Sequence[str]:
-    """Return the expectations that a run without another failure broke."""
-    if row.verdict != Verdict.PASS.value or not row.record:
-        return ()
-    try:
-        record = decode(row.record, _RECORDS[row.kind])
-    except ValueError:  # another version wrote it: the report at the end says so
-        return ()
-    return record.broken_expectations if isinstance(record, CaseRunOutcome | ChildOutcome) else ()
