@@ -6,7 +6,7 @@ import gc
 import itertools
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from compileall import compile_dir
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +14,7 @@ from statistics import median
 
 import foresee_dsl
 from benchmarks.figures import Figure, costs, cpu_of, interleaved, run_program
-from benchmarks.texts import scenario
+from benchmarks.texts import anew, scenario
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.parser import format_text, parse
@@ -95,27 +95,28 @@ def _cold(folder: Path) -> Iterator[Figure]:
 
 def _long(folder: Path) -> Iterator[Figure]:
     """Yield the figures of long files: CPU in this process after start-up, without placing the actors."""
-    files = {lines: folder / f"long_{lines}.foresee" for lines in (MIDDLE, LONG)}
-    for lines, file in files.items():
-        file.write_text(scenario(lines))
-    text = scenario(MIDDLE)
+    texts, number = {lines: scenario(lines) for lines in (MIDDLE, LONG)}, itertools.count()
+    file = folder / "long.foresee"
+
+    def cost_of(work: Callable[[str], object], lines: int = MIDDLE) -> float:
+        text = anew(texts[lines], next(number))
+        file.write_text(text)
+        return cpu_of(lambda: work(text))
+
+    def check(_: str) -> None:
+        check_paths([str(file)])
+
     gc.set_threshold(100_000)  # as the command line does
-    check_paths([str(files[MIDDLE])])
+    cost_of(check)
     cost = interleaved(
         {
-            "parse": lambda: cpu_of(lambda: parse(text, "long")),
-            "format": lambda: cpu_of(lambda: format_text(text, "long")),
-            "check": lambda: cpu_of(lambda: check_paths([str(files[MIDDLE])])),
+            "parse": lambda: cost_of(lambda text: parse(text, "long")),
+            "format": lambda: cost_of(lambda text: format_text(text, "long")),
+            "check": lambda: cost_of(check),
         },
         ROUNDS,
     )
-    long = interleaved(
-        {
-            "check": lambda: cpu_of(lambda: check_paths([str(files[MIDDLE])])),
-            "long": lambda: cpu_of(lambda: check_paths([str(files[LONG])])),
-        },
-        3,
-    )
+    long = interleaved({"check": lambda: cost_of(check), "long": lambda: cost_of(check, LONG)}, 3)
     yield Figure("check_1000_lines_s", cost["check"][0], "s", "CPU for checking 1,000 lines, after start-up", 0.25)
     yield Figure("check_linearity", long["long"][0] / long["check"][0] / (LONG / MIDDLE), "ratio",
                  "CPU a line of 20,000 lines over that of 1,000", 1.6)  # fmt: skip

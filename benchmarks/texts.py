@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 CASES = 4
 """Number of cases, each of which is checked as a whole; it is constant, so that only the length grows."""
 
@@ -27,6 +29,11 @@ def scenario(lines: int) -> str:
     tail = ["  expect never collision(ego)", "  end after 45 s", ""]
     tail += [f"  case c{n} {{ pace_{n % groups} = {20 + n} km/h }}" for n in range(CASES)]
     return "\n".join([*head, *body, *tail, "}", ""])
+
+
+def anew(text: str, number: int) -> str:
+    """Return a scenario of `scenario` with other names, because statements that were read before are kept as parsed."""
+    return re.sub(r"\b(actor|pace)_", rf"\1_{number}_", text)
 
 
 def _group(k: int) -> list[str]:
