@@ -26,7 +26,9 @@ _HELP = "change the condition, or " + remove("remove the actions that wait for i
 
 def certain_conditions(lints: Collector, case: TestCase) -> None:
     """Report triggers and expectations whose result is certain before the run."""
-    actions = tuple(action for when in case.scenario.all(m.When) for action in all_actions(when.actions))
+    actions: dict[str, list[m.Action]] = {}  # by actor
+    for action in (action for when in case.scenario.all(m.When) for action in all_actions(when.actions)):
+        actions.setdefault(getattr(action, "actor", ""), []).append(action)
     limits = _limits_of(case, actions)
     for when in case.scenario.all(m.When):
         _dead_triggers(lints, when, limits, actions)
@@ -34,15 +36,18 @@ def certain_conditions(lints: Collector, case: TestCase) -> None:
         _decided(lints, expect, limits)
 
 
-def _limits_of(case: TestCase, actions: Sequence[m.Action]) -> Limits:
+def _limits_of(case: TestCase, actions: Mapping[str, Sequence[m.Action]]) -> Limits:
     """Return what the lints know about a test case's run before it starts: its end, and facts about each actor.
 
-    `actions` are all actions of its triggers.
+    `actions` are all actions of its triggers, by actor.
     """
     end = case.scenario.first(m.End)
     end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
     roads = Roads(case.network) if isinstance(case.network, m.Network) else None
-    return Limits(end_s, {actor.name: _about(actor, case.models, roads, actions) for actor in case.scenario.actors})
+    return Limits(
+        end_s,
+        {a.name: _about(a, case.models, roads, actions.get(a.name, ())) for a in case.scenario.actors},
+    )
 
 
 def _about(
@@ -50,7 +55,7 @@ def _about(
 ) -> About:
     if isinstance(actor, m.Actor) and actor.all(m.Track):
         return About(backwards=True)  # its track may hold any speed and lead anywhere
-    kinds = {type(action) for action in actions if getattr(action, "actor", "") == actor.name}
+    kinds = {type(action) for action in actions}
     model = models.get(actor.model) if isinstance(actor.model, str) else None
     ways = [item for item in actor.body if isinstance(item, m.Route | m.EdgeRoute | m.AnyPath)]
     top = model.max_speed if model is not None else None
@@ -76,8 +81,9 @@ def _junctions(way: m.Route | m.EdgeRoute | m.AnyPath, roads: Roads) -> frozense
     return frozenset((*reached, *begins))
 
 
-def _dead_triggers(lints: Collector, when: m.When, limits: Limits, others: Sequence[m.Action]) -> None:
-    """Report a trigger that cannot fire or has steps that no run reaches; `others` are all actions of the scenario."""
+def _dead_triggers(lints: Collector, when: m.When, limits: Limits, others: Mapping[str, Sequence[m.Action]]) -> None:
+    """Report a trigger that cannot fire or has steps that no run reaches; `others` are all actions of the scenario, by
+    actor."""
     reason = never(when.condition, limits)
     if reason:
         _never_happens(lints, when, reason)
@@ -87,7 +93,11 @@ def _dead_triggers(lints: Collector, when: m.When, limits: Limits, others: Seque
 
 
 def _dead_steps(
-    lints: Collector, actions: Sequence[m.Action], begins_s: float, limits: Limits, others: Sequence[m.Action]
+    lints: Collector,
+    actions: Sequence[m.Action],
+    begins_s: float,
+    limits: Limits,
+    others: Mapping[str, Sequence[m.Action]],
 ) -> None:
     """Report the steps of a block that no run reaches; `begins_s` is the earliest time at which the block begins, s."""
     done_s, endless = begins_s, ""
@@ -113,12 +123,12 @@ def _dead_steps(
         done_s = max(done_s, starts_s)
 
 
-def _endless(action: m.Action, others: Sequence[m.Action]) -> str:
+def _endless(action: m.Action, others: Mapping[str, Sequence[m.Action]]) -> str:
     """Return the text of an action that never completes: a stop or braking without a duration that no action ends by
     replacing it or by removing the actor; otherwise an empty text."""
     if not isinstance(action, m.Stops | m.BrakesFor) or action.duration is not None:
         return ""
-    ends = (isinstance(o, _ENDS_A_STOP) and o is not action and o.actor == action.actor for o in others)
+    ends = (isinstance(o, _ENDS_A_STOP) and o is not action for o in others.get(action.actor, ()))
     return "" if any(ends) else written(action)
 
 
